@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from app.core.types import Points
-from app.ui.palette import MEASURED, OBSERVED, PREDICTED, STEEL, Colour
+from app.ui.parts.palette import MEASURED, OBSERVED, PREDICTED, STEEL, Colour
 from app.ui.report.chart import Plot, label
 from app.ui.report.ground import Flat, bounds, cloud, ground, surface, way
 from app.ui.report.markup import Markup, joined, tag

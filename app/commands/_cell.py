@@ -10,9 +10,9 @@ from app.cells.base import Cell, Wanted
 from app.core.ports import Rig
 from app.teleop import Pilot
 from app.ui.console import Console, open_console
-from app.ui.page import Cell as Behind
+from app.ui.server.page import Cell as Behind
+from app.ui.server.tls import Tls
 from app.ui.terminal import Output
-from app.ui.tls import Tls
 
 
 @asynccontextmanager

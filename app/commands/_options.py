@@ -12,7 +12,7 @@ from app.core.bounds import checked
 from app.core.errors import PreflightError, UsageError
 from app.core.geometry.stage import RopeModel
 from app.planner.method import PAPER
-from app.ui.tls import Tls
+from app.ui.server.tls import Tls
 
 Preset = Literal["auto", "cpu", "gpu"]
 

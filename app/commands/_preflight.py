@@ -32,7 +32,7 @@ def make_folder(folder: Path, option: str) -> None:
 
 def check_port(site: Site) -> None:
     """Raises PreflightError if the console's port is taken. Another program may still take it afterwards."""
-    from app.ui import proxy  # Takes a second to load, which only those who open a console pay.
+    from app.ui.server import proxy
 
     try:
         proxy.listen(site.console_host, site.console_port).close()

@@ -22,7 +22,7 @@ from app.recording.read.timeline import Timeline
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
-from app.ui.board import Board
+from app.ui.parts.board import Board
 from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
 

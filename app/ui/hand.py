@@ -15,8 +15,8 @@ from jaxtyping import Float64
 from numpy import ndarray
 
 from app.core.types import ToolPose
-from app.ui.badges import Badges
-from app.ui.pace import RateLimiter
+from app.ui.parts.badges import Badges
+from app.ui.parts.pace import RateLimiter
 
 _MOST_BYTES: Final = 1024
 _STEADY_HZ, _BURST = 60.0, 120.0

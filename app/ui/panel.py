@@ -7,23 +7,24 @@ import viser
 from viser import theme
 
 from app.config import Timing
-from app.ui import cards, doubt
-from app.ui.board import Board
-from app.ui.cell import CellTab
-from app.ui.checklist import ChecklistForm
-from app.ui.decision import DecisionForm
-from app.ui.demonstrations import DemonstrationForm
-from app.ui.desk import Desk
-from app.ui.drift import DriftMeter
 from app.ui.goals import GoalTab
-from app.ui.modelling import ModelTab
-from app.ui.modes import EndButton, ModeForm
+from app.ui.parts import cards
+from app.ui.parts.board import Board
+from app.ui.parts.decision import DecisionForm
+from app.ui.parts.desk import Desk
+from app.ui.parts.drift import DriftMeter
+from app.ui.parts.plots import Plots
+from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
-from app.ui.plots import Plots
-from app.ui.probing import ProbeForm
-from app.ui.scene import ConsoleScene
-from app.ui.text import Text
+from app.ui.tabs import doubt
+from app.ui.tabs.cell import CellTab
+from app.ui.tabs.checklist import ChecklistForm
+from app.ui.tabs.demonstrations import DemonstrationForm
+from app.ui.tabs.modelling import ModelTab
+from app.ui.tabs.modes import EndButton, ModeForm
+from app.ui.tabs.probing import ProbeForm
+from app.ui.view.scene import ConsoleScene
 
 _BRAND = (59, 130, 246)
 _SIDE_WIDTH_PX = 330

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.ui.access import Access
+from app.ui.server.access import Access
 
 ACCESS = Access(token="right", cookie="dipac_1")
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from app.ui.backstage import Backstage
+from app.ui.server.backstage import Backstage
 
 pytestmark = pytest.mark.serial
 

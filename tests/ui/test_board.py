@@ -7,7 +7,7 @@ import pytest
 
 from app.core.colours import ColourRange
 from app.core.messages import ArmMode, Decision, Fault, Message, ResumeRequest, StopRequest, fresh_id
-from app.ui.board import LOG_LENGTH, Board
+from app.ui.parts.board import LOG_LENGTH, Board
 from tests.ui import synthetic
 
 

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
-from app.ui import palette
+from app.ui.parts import palette
 from tests.ui import synthetic
 from tests.ui.conftest import Served
 from tests.ui.test_doubt import VERDICT, WATCHED, WRONG

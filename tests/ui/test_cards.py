@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Message
-from app.ui import cards, words
-from app.ui.board import Board
+from app.ui import words
+from app.ui.parts import cards
+from app.ui.parts.board import Board
 from tests.ui import synthetic
 
 

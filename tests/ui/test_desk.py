@@ -9,7 +9,7 @@ import numpy as np
 from app.core.dialogue.control import Lease
 from app.core.dialogue.requests import ColourRequest, EditRequest, ModelRequest
 from app.core.messages import Decision, Fault, Notice, ResumeRequest, StopRequest, fresh_id
-from app.ui.desk import Desk, Request
+from app.ui.parts.desk import Desk, Request
 from tests.ui import synthetic
 
 ENDS = np.array([0.4, -0.1, 0.006]), np.array([0.5, -0.1, 0.006])

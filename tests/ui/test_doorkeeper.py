@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.ui.backstage import understood
-from app.ui.doorkeeper import BURST, SPOKEN, STEADY_HZ, refusal
-from app.ui.pace import RateLimiter
+from app.ui.parts.pace import RateLimiter
+from app.ui.server.backstage import understood
+from app.ui.server.doorkeeper import BURST, SPOKEN, STEADY_HZ, refusal
 
 CLICK = {"type": "GuiUpdateMessage", "uuid": "abc", "updates": {"value": True}}
 CAMERA = {

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from app.core.dialogue.doubt import Blamed, Verdict, Watched
 from app.core.messages import Transition, fresh_id
-from app.ui import cards, doubt, words
-from app.ui.board import Board
+from app.ui import words
+from app.ui.parts import cards
+from app.ui.parts.board import Board
+from app.ui.tabs import doubt
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 

@@ -8,9 +8,9 @@ import pytest
 
 from app.config import Timing
 from app.core.dialogue.approval import drift
-from app.ui import cards
-from app.ui.board import Board
-from app.ui.drift import DriftMeter, Moved
+from app.ui.parts import cards
+from app.ui.parts.board import Board
+from app.ui.parts.drift import DriftMeter, Moved
 from tests.ui import synthetic
 
 PROPOSAL = synthetic.proposal(synthetic.rope(0.5))

@@ -7,7 +7,7 @@ import pytest
 
 from app.core.errors import RecordingError, UsageError
 from app.recording.exchange.model_file import save_model
-from app.ui.model_files import read_model
+from app.ui.tabs.model_files import read_model
 from tests.ui import synthetic
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from app.core.messages import Model, Parameter
-from app.ui import models
-from app.ui.board import Board, Made
-from app.ui.modelling import course, label
+from app.ui.parts.board import Board, Made
+from app.ui.tabs import models
+from app.ui.tabs.modelling import course, label
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 from tests.ui.test_doubt import WATCHED

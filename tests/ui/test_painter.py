@@ -2,9 +2,9 @@
 
 import threading
 
-from app.ui.board import Board
-from app.ui.desk import Desk
-from app.ui.painter import Painter
+from app.ui.parts.board import Board
+from app.ui.parts.desk import Desk
+from app.ui.view.painter import Painter
 from tests.ui import synthetic
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from app.core.motion import Motion
-from app.ui import palette
-from app.ui.paths import along, segments
+from app.ui.parts import palette
+from app.ui.view.paths import along, segments
 
 MOTION = Motion(positions=np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0]]), speeds=np.array([0.1, 0.1, 0.2]))
 

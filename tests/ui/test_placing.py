@@ -10,8 +10,8 @@ from app.core.dialogue.placing import BoardSeen, Checked, Placed, Placing, Taken
 from app.core.dialogue.requests import CalibrationRequest
 from app.core.geometry.hand_eye import Spread
 from app.core.messages import fresh_id
-from app.ui import palette
-from app.ui.board import Board
+from app.ui.parts import palette
+from app.ui.parts.board import Board
 from app.ui.placing import cards
 from tests.ui import synthetic
 from tests.ui.conftest import Served

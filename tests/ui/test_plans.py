@@ -48,7 +48,7 @@ def cell(page: Page, row: str) -> Locator:
 
 
 def pixel(page: Page, place: np.ndarray) -> tuple[float, float]:
-    """Pixel of a place [m] on the screen in the first view, see `app.ui.scene`."""
+    """Pixel of a place [m] on the screen in the first view, see `app.ui.view.scene`."""
     middle = (np.array(Workspace().low) + np.array(Workspace().high)) / 2
     eye = np.array([middle[0] + 0.75, middle[1] - 0.12, 0.66])
     ahead = np.array([middle[0] - 0.02, middle[1], 0.0]) - eye

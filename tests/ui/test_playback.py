@@ -11,7 +11,8 @@ from playwright.sync_api import Page, expect
 from app.commands._player import reel, show
 from app.core.errors import UsageError
 from app.recording.read.timeline import Timeline, open_timeline
-from app.ui import Console, open_console, palette
+from app.ui import Console, open_console
+from app.ui.parts import palette
 from app.ui.player import Player
 from app.ui.replanning import Replanned, ReplanRequest
 from tests.ui import synthetic

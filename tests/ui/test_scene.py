@@ -7,9 +7,9 @@ import zstandard
 
 from app.config import KeepOut, Limits
 from app.core.geometry.table_place import AT_BASE, TablePlace
-from app.ui import palette
-from app.ui.scene import ConsoleScene
-from app.ui.tool import DrawnGripper, Flat
+from app.ui.parts import palette
+from app.ui.view.scene import ConsoleScene
+from app.ui.view.tool import DrawnGripper, Flat
 
 _HEADER_BYTES = 8
 """Length of the header before the packed scene: its size, unpacked."""

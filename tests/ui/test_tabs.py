@@ -10,12 +10,12 @@ from viser import ViserServer
 
 from app.config import Limits
 from app.core.dialogue.requests import Request
-from app.ui import palette
-from app.ui.backstage import Backstage
-from app.ui.cell import CellTab
-from app.ui.desk import Desk
-from app.ui.modelling import Versions, label
-from app.ui.scene import ConsoleScene
+from app.ui.parts import palette
+from app.ui.parts.desk import Desk
+from app.ui.server.backstage import Backstage
+from app.ui.tabs.cell import CellTab
+from app.ui.tabs.modelling import Versions, label
+from app.ui.view.scene import ConsoleScene
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 from tests.ui.test_models import version

@@ -12,7 +12,7 @@ from yarl import URL
 from app.commands._options import Options
 from app.core.errors import PreflightError, UsageError
 from app.ui import open_console
-from app.ui.tls import Tls
+from app.ui.server.tls import Tls
 from tests.ui.test_console import PROTOCOL
 
 pytestmark = pytest.mark.anyio

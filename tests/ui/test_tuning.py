@@ -7,9 +7,9 @@ from viser import ViserServer
 
 from app.core.colours import ColourRange
 from app.core.dialogue.requests import Request
-from app.ui.backstage import Backstage
-from app.ui.desk import Desk
-from app.ui.tuning import Tuning
+from app.ui.parts.desk import Desk
+from app.ui.server.backstage import Backstage
+from app.ui.tabs.tuning import Tuning
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 

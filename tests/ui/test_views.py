@@ -9,10 +9,11 @@ import pytest
 from viser import ViserServer
 
 from app.core.colours import colour_mask
-from app.ui import masks, palette, views
-from app.ui.backstage import Backstage
-from app.ui.board import Board
-from app.ui.clouds import SURFACE, Clouds, readings
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.server.backstage import Backstage
+from app.ui.view import masks, views
+from app.ui.view.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 

@@ -15,7 +15,7 @@ from app.core.dialogue.approval import Approved
 from app.core.messages import Decision, Executed, Proposal, StopRequest
 from app.recording.format.channels import record_of
 from app.recording.read.reader import read_messages
-from app.ui import palette
+from app.ui.parts import palette
 from tests.conftest import ROOT
 from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_until
 

@@ -12,7 +12,7 @@ from app.perception.calibration.solve import CalibrationView, ends_of
 
 BOUND_M, BOUND_DEG = 0.003, 0.4
 """Bounds beyond which a camera counts as moved. One view of a board errs by 1 mm and 0.1 degree; 4 mm apart, two
-cameras see one rope as two (`ui/views.py`)."""
+cameras see one rope as two (`ui/view/views.py`)."""
 
 
 @final

@@ -10,9 +10,9 @@ from anyio import to_thread
 from app.core.dialogue.requests import GoalRequest, PictureGoalRequest
 from app.core.errors import UsageError
 from app.core.messages import fresh_id
-from app.ui.badges import Badges
-from app.ui.desk import Desk
 from app.ui.goals.files import are_points, pictures_of, points_of
+from app.ui.parts.badges import Badges
+from app.ui.parts.desk import Desk
 
 _MOST_FILES: Final = 2
 

@@ -14,13 +14,14 @@ from app.core.dialogue.requests import GoalRequest, GoalSource
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import fresh_id
 from app.core.types import Points
-from app.ui import palette, words
-from app.ui.beads import Beads
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
-from app.ui.doorkeeper import DRAFT
+from app.ui import words
 from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, GoalDraft, Kind, on_table
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
+from app.ui.server.doorkeeper import DRAFT
+from app.ui.view.beads import Beads
 
 _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
 _SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}

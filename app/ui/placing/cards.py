@@ -11,9 +11,11 @@ from jaxtyping import UInt8
 from app.core.dialogue.placing import BoardSeen, Placing
 from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
-from app.ui import masks, palette, words
-from app.ui.board import Board
-from app.ui.cards import table, toned
+from app.ui import words
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.parts.cards import table, toned
+from app.ui.view import masks
 
 _MM: Final = 1e3
 _DOT_PX: Final = 2

@@ -10,11 +10,11 @@ import viser
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
 from app.core.geometry.charuco import Charuco
 from app.core.messages import fresh_id
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
+from app.ui.parts.text import Text
 from app.ui.placing import cards
-from app.ui.text import Text
 
 _NONE: Final = "none"
 _MM: Final = 1e-3

@@ -1,4 +1,4 @@
-"""The texts of the tab Plans as HTML. Pure, as `app.ui.cards`."""
+"""The texts of the tab Plans as HTML. Pure, as `app.ui.parts.cards`."""
 
 from collections.abc import Iterable
 from html import escape
@@ -7,7 +7,7 @@ from typing import Final
 from app.core.messages import Branch, Proposal
 from app.core.types import Points
 from app.ui import words
-from app.ui.cards import table
+from app.ui.parts.cards import table
 from app.ui.plans.look import PreviewState, motion_at, names, to_goal_m2
 
 NO_PLAN: Final = '<div class="dp"><small>No plan yet.</small></div>'

@@ -9,13 +9,13 @@ import viser
 from app.core.messages import Proposal
 from app.core.reshaped import is_level, reshaped
 from app.core.types import Path3
-from app.ui import palette
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
-from app.ui.doorkeeper import ENDS
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
 from app.ui.plans.ghosts import Way
 from app.ui.plans.look import PreviewState
+from app.ui.server.doorkeeper import ENDS
 
 _HANDLE_M = 0.12
 

@@ -6,11 +6,11 @@ import numpy as np
 import viser
 
 from app.core.messages import Branch
-from app.ui import palette
-from app.ui.beads import Beads
-from app.ui.paths import segments
+from app.ui.parts import palette
 from app.ui.plans.look import PreviewState
-from app.ui.tool import DrawnGripper, Flat
+from app.ui.view.beads import Beads
+from app.ui.view.paths import segments
+from app.ui.view.tool import DrawnGripper, Flat
 
 _THICK_PX = 5.0
 

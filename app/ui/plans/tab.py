@@ -6,14 +6,14 @@ import viser
 
 from app.core.messages import Proposal
 from app.core.types import Points
-from app.ui.board import Board
-from app.ui.desk import Desk
+from app.ui.parts.board import Board
+from app.ui.parts.desk import Desk
 from app.ui.plans import cards
 from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts
 from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, names
-from app.ui.scene import ConsoleScene
-from app.ui.tool import Flat
+from app.ui.view.scene import ConsoleScene
+from app.ui.view.tool import Flat
 
 
 @final

@@ -7,8 +7,8 @@ from typing import Final
 
 from app.core.dialogue.doubt import Blamed, Verdict, Watched
 from app.ui import words
-from app.ui.board import Board
-from app.ui.cards import table
+from app.ui.parts.board import Board
+from app.ui.parts.cards import table
 
 _KINDS: Final = {
     "named": "Something is missing in the model",

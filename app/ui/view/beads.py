@@ -8,7 +8,7 @@ import viser
 from jaxtyping import Bool, UInt8
 
 from app.core.types import Points
-from app.ui import palette
+from app.ui.parts import palette
 
 _RADIUS_M = 0.006
 _CROWD = 600

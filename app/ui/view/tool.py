@@ -7,7 +7,7 @@ import viser
 
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
-from app.ui.palette import Colour
+from app.ui.parts.palette import Colour
 
 _FINGER_M = (0.014, 0.014, 0.11)
 _OPENING_M = 0.085

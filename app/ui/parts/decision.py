@@ -9,9 +9,9 @@ from typing import Any, final
 import viser
 
 from app.core.messages import Proposal
-from app.ui import cards
-from app.ui.board import Board
-from app.ui.desk import Desk
+from app.ui.parts import cards
+from app.ui.parts.board import Board
+from app.ui.parts.desk import Desk
 
 _TAKE, _GIVE = "Take", "Release"
 _ARMING_S = 0.5

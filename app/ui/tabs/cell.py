@@ -11,13 +11,14 @@ from jaxtyping import Bool
 from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
 from app.core.types import ColourImage
-from app.ui import cards, masks, palette, views
-from app.ui.board import Board
-from app.ui.clouds import SHOWN, Clouds, Show
-from app.ui.desk import Desk
-from app.ui.scene import ConsoleScene
-from app.ui.text import Text
-from app.ui.tuning import Tuning
+from app.ui.parts import cards, palette
+from app.ui.parts.board import Board
+from app.ui.parts.desk import Desk
+from app.ui.parts.text import Text
+from app.ui.tabs.tuning import Tuning
+from app.ui.view import masks, views
+from app.ui.view.clouds import SHOWN, Clouds, Show
+from app.ui.view.scene import ConsoleScene
 
 _NONE: Final = "none"
 _LIVE_S: Final = 3.0

@@ -10,7 +10,7 @@ from html import escape
 from importlib.resources import files
 from typing import Final, Literal, TypeAlias, final
 
-from app.ui.drawer import drawer
+from app.ui.server.drawer import drawer
 
 
 @final

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import final
 
 from app.core.messages import Fault, fresh_id
-from app.ui.board import Board
-from app.ui.desk import Desk
+from app.ui.parts.board import Board
+from app.ui.parts.desk import Desk
 
 _PERIOD_S = 1 / 12
 _IDLE_S = 0.25

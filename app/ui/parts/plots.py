@@ -6,8 +6,8 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.ui import palette
-from app.ui.board import Board
+from app.ui.parts import palette
+from app.ui.parts.board import Board
 from app.ui.words import millimetres
 
 HEIGHT_PX = 180

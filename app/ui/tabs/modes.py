@@ -7,9 +7,9 @@ import viser
 from app.core.dialogue.control import EndRequest, ModeName, ModeRequest
 from app.core.messages import fresh_id
 from app.ui import words
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
 
 _PRESSED: Final[dict[str, ModeName]] = {words.MODES[mode]: mode for mode in words.MODES if mode != "automatic"}
 _FIRST, _MOST = 3, 100

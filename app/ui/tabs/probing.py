@@ -6,8 +6,8 @@ import viser
 
 from app.core.dialogue.requests import ProbeRequest
 from app.core.messages import fresh_id
-from app.ui.decision import operator
-from app.ui.desk import Desk
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
 
 _FIRST, _MOST = 24, 400
 """Pushes."""

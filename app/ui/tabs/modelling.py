@@ -12,13 +12,15 @@ from viser import uplot
 
 from app.core.errors import DipacError
 from app.core.messages import Model
-from app.ui import models, palette, words
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
-from app.ui.model_files import read_model
-from app.ui.plots import HEIGHT_PX, PADDING_PX, line
-from app.ui.text import Text
+from app.ui import words
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
+from app.ui.parts.plots import HEIGHT_PX, PADDING_PX, line
+from app.ui.parts.text import Text
+from app.ui.tabs import models
+from app.ui.tabs.model_files import read_model
 
 _NONE: Final = "none"
 _NUMBERS_PX: Final = 64.0

@@ -9,9 +9,10 @@ from html import escape
 from typing import Final
 
 from app.core.messages import Model, Parameter
-from app.ui import palette, words
-from app.ui.board import Board, Made
-from app.ui.cards import table
+from app.ui import words
+from app.ui.parts import palette
+from app.ui.parts.board import Board, Made
+from app.ui.parts.cards import table
 
 _MM: Final = 1e3
 _PICTURE_WIDTH, _MARGIN = 300.0, 8.0

@@ -10,8 +10,8 @@ from app.core.dialogue.seeing import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
 from app.ui import words
-from app.ui.board import Board
-from app.ui.cards import table, toned
+from app.ui.parts.board import Board
+from app.ui.parts.cards import table, toned
 
 Origin: TypeAlias = Literal["simulated", "recorded", "real"]
 """Source of the cameras' images."""

@@ -11,11 +11,11 @@ from app.config import KeepOut, Limits, Workspace
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Frame
 from app.core.types import Points
-from app.ui import palette
-from app.ui.beads import Beads
-from app.ui.board import Board
-from app.ui.paths import Paths, along
-from app.ui.tool import DrawnGripper, Flat
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.view.beads import Beads
+from app.ui.view.paths import Paths, along
+from app.ui.view.tool import DrawnGripper, Flat
 
 _FRUSTUM_M = 0.035
 

@@ -6,9 +6,10 @@ from html import escape
 from typing import Literal, TypeAlias
 
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
-from app.ui import palette, words
-from app.ui.board import Board
-from app.ui.drift import Moved
+from app.ui import words
+from app.ui.parts import palette
+from app.ui.parts.board import Board
+from app.ui.parts.drift import Moved
 
 _FAR = 0.5
 """Share of the allowed motion of an object, before its plan is refused, that deserves attention."""

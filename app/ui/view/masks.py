@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from app.core.types import ColourImage
-from app.ui import palette
+from app.ui.parts import palette
 
 _TINT = 0.45
 PICTURE_WIDTH = 320

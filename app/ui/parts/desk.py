@@ -18,8 +18,8 @@ from app.core.colours import ColourRange
 from app.core.dialogue.control import Lease
 from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.ui.board import Board
-from app.ui.pace import RateLimiter
+from app.ui.parts.board import Board
+from app.ui.parts.pace import RateLimiter
 
 Place: TypeAlias = Float64[np.ndarray, "3"]
 _REFUSALS_EVERY_S = 10.0

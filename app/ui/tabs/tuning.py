@@ -7,10 +7,10 @@ import viser
 
 from app.core.colours import ColourRange
 from app.core.errors import ParameterError
-from app.ui.board import Board
-from app.ui.decision import operator
-from app.ui.desk import Desk
-from app.ui.text import Text
+from app.ui.parts.board import Board
+from app.ui.parts.decision import operator
+from app.ui.parts.desk import Desk
+from app.ui.parts.text import Text
 
 _WHOLE_CIRCLE: Final = 360.0
 _FIRST: Final = ColourRange(hue_low_deg=0.0, hue_high_deg=_WHOLE_CIRCLE)

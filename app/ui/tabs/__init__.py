@@ -1,0 +1,1 @@
+"""Tabs of the console, one a file."""

@@ -1,0 +1,1 @@
+"""Three-dimensional view: the scene, clouds, beads, paths and the tool."""
