@@ -21,9 +21,9 @@ from playwright.sync_api import Browser, Error
 from rich.console import Console
 from rich.table import Table
 
+from app.core.dialogue.words import millimetres
 from app.core.messages import Executed
 from app.recording.read.reader import read_messages
-from app.ui.words import millimetres
 from bench.browser import console_url, open_browser
 
 _PATIENCE_S, _PATIENCE_MS = 1200, 60_000

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from app.core.types import Points
+from app.report.drawing.chart import Plot, label
+from app.report.drawing.ground import Flat, bounds, cloud, ground, surface, way
+from app.report.drawing.markup import Markup, joined, tag
 from app.ui.parts.palette import MEASURED, OBSERVED, PREDICTED, STEEL, Colour
-from app.ui.report.chart import Plot, label
-from app.ui.report.ground import Flat, bounds, cloud, ground, surface, way
-from app.ui.report.markup import Markup, joined, tag
 
 _WIDTH, _HEAD = 460.0, 24.0
 _EXTENDED: Final[Colour] = (0, 114, 178)

@@ -8,7 +8,7 @@ from pathlib import Path
 import tyro
 
 from app.commands.run import EpisodeReport, Options, run
-from app.ui.words import millimetres
+from app.core.dialogue.words import millimetres
 
 
 def main(

@@ -10,6 +10,7 @@ from typing import final
 import numpy as np
 import tyro
 
+from app.core.dialogue.words import millimetres
 from app.core.geometry.stage import Rope
 from app.core.types import Points
 from app.evaluation.play import EpisodeResults, EvaluationConfig, play
@@ -17,7 +18,6 @@ from app.planner.method import DIPAC
 from app.tasks import add, load, named, nominal_model
 from app.tasks.base import Nodes
 from app.tasks.curves import CurveSampler, fill_tube
-from app.ui.words import millimetres
 
 
 @final

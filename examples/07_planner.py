@@ -12,13 +12,13 @@ import numpy as np
 import tyro
 from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
+from app.core.dialogue.words import millimetres
 from app.planner.search.budget import at_least, tree_rollouts
 from app.planner.search.optimise import Descended, Descent, Evaluate, select
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Rollout, Search
 from app.tasks import compiled, load, nominal_model
-from app.ui.words import millimetres
 
 STEP = 0.5
 

@@ -29,6 +29,11 @@ HOMONYMS = {
 }
 """Public class names that two modules define, and what they are. The name of a message is that of its schema in
 recordings, so the other one has to give way; none may be added."""
+MAX_MODULES = 15
+ONE_FILE_EACH = {"app/commands", "app/rig/simulated/hidden", "app/sim/effects", "app/tasks"}
+"""Folders that grow by a file with each command, effect or task."""
+CROWDED = {"app/flow": 22}
+"""Other folders of more modules, and how many they have at most."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -92,6 +97,15 @@ def test_a_docstring_begins_with_what_the_thing_is(file):
 def test_a_module_is_short_enough_to_be_read(file):
     lines = len(file.read_text(encoding="utf-8").splitlines())
     assert lines <= MAX_LINES, f"{name(file)} has {lines} lines; split it by what it does"
+
+
+def test_a_folder_is_small_enough_to_be_known():
+    folders = defaultdict[str, int](int)
+    for file in MODULES:
+        folders[name(file.parent)] += file.stem != "__init__"
+    most = {folder: CROWDED.get(folder, MAX_MODULES) for folder in folders.keys() - ONE_FILE_EACH}
+    crowded = {folder: folders[folder] for folder in most if folders[folder] > most[folder]}
+    assert not crowded, "give these modules rooms, by what they do"
 
 
 def test_a_public_class_name_is_defined_once():

@@ -11,7 +11,7 @@ from app.core.messages import fresh_id
 from app.core.motion import Motion
 
 if TYPE_CHECKING:
-    from app.ui.report.schema import CauseEntry, HeldoutEntry, NextPushEntry
+    from app.report.schema import CauseEntry, HeldoutEntry, NextPushEntry
 
 VERDICT, MODEL = "verdict.json", "model.toml"
 _UNKNOWN = float("nan")
@@ -35,7 +35,7 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
     """
     import msgspec
 
-    from app.ui.report.schema import VerdictFile
+    from app.report.schema import VerdictFile
 
     path = folder / VERDICT
     try:
@@ -63,7 +63,7 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
 
 
 def _blamed(cause: "CauseEntry") -> Blamed:
-    from app.ui.report.words import measured, title
+    from app.report.drawing.words import measured, title
 
     size, low, high = (_UNKNOWN if it is None else it for it in (cause.size, cause.low, cause.high))
     return Blamed(

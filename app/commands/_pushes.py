@@ -20,8 +20,8 @@ def write_pushes(path: Path, task: str, probes: "Sequence[Probe]") -> None:
     """The pushes in the order in which to make them. Raises UsageError where the file cannot be written."""
     import msgspec
 
-    from app.ui.report.schema import PushEntry, PushesFile
-    from app.ui.report.verdict_json import track_entry
+    from app.report.schema import PushEntry, PushesFile
+    from app.report.verdict_json import track_entry
 
     pushes = tuple(
         PushEntry(text=probe.text, between=probe.between, nats=probe.nats, track=track_entry(probe.track))
@@ -42,7 +42,7 @@ def read_pushes(path: Path, task: str) -> "tuple[Track, ...]":
     import numpy as np
 
     from app.core.geometry.track import Track
-    from app.ui.report.schema import PushesFile
+    from app.report.schema import PushesFile
 
     try:
         file = msgspec.json.decode(path.read_bytes(), type=PushesFile)

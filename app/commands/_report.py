@@ -16,12 +16,12 @@ from app.discovery.dataset.subject import Catalogue, Subject, catalogue
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
 from app.recording.exchange.model_file import save_model
+from app.report import show_case, verdict_json, write_report
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
 from app.tasks.doubted import doubted_in
 from app.tasks.extended import estimated, extended_model
-from app.ui.report import show_case, verdict_json, write_report
 
 
 def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:

@@ -10,8 +10,8 @@ from rich.text import Text
 from app.commands._episode import EpisodeReport, RunOptions, episode
 from app.commands._options import Options
 from app.commands._preflight import check_writable, unwritable
+from app.core.dialogue.words import millimetres
 from app.ui.terminal import Output
-from app.ui.words import millimetres
 
 __all__ = ["EpisodeReport", "Options", "run"]
 

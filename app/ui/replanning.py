@@ -7,8 +7,8 @@ from typing import Final, NamedTuple, final
 
 import numpy as np
 
+from app.core.dialogue import words
 from app.core.messages import Proposal
-from app.ui import words
 
 AS_RECORDED: Final = "as recorded at that moment"
 

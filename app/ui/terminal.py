@@ -18,8 +18,8 @@ from anyio import to_thread
 from rich.console import Console
 from rich.text import Text
 
+from app.core.dialogue.words import NOTHING, millimetres
 from app.core.messages import Fault, Health, Message, Notice, Outcome
-from app.ui.words import NOTHING, millimetres
 
 HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""

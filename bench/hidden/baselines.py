@@ -31,10 +31,10 @@ from app.discovery.inference.screen import Screening, Suspect, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.results.case import Blame
 from app.discovery.results.conclude import estimate_of
+from app.report.drawing.size import size
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of
-from app.ui.report.size import size
 
 TITLES: Final = {"all_at_once": "all parameters at once", "bic": "BIC of single causes"}
 _MISSING: Final = 0.5

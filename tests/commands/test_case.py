@@ -11,7 +11,7 @@ from app.commands._case import VERDICT, read_case
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.policy.strokes import PushDesign, random_track
-from app.ui.report import verdict_json
+from app.report import verdict_json
 from tests.planner.table import rope
 from tests.ui.report import cases
 

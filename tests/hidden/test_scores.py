@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.evaluation.intervals import median, share
-from app.ui.report import verdict_json
+from app.report import verdict_json
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
 from bench.hidden.draws import Case, Chosen
 from bench.hidden.figures import confusion_svg, power_svg, reliability_svg

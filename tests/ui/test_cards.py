@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.core.dialogue import words
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Message
-from app.ui import words
 from app.ui.parts import cards
 from app.ui.parts.board import Board
 from tests.ui import synthetic

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.core.dialogue import words
 from app.core.dialogue.doubt import Blamed, Verdict, Watched
 from app.core.messages import Transition, fresh_id
-from app.ui import words
 from app.ui.parts import cards
 from app.ui.parts.board import Board
 from app.ui.tabs import doubt

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.core.dialogue import words
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch
-from app.ui import words
 from app.ui.plans import cards
 from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, moments, motion_at, names, to_goal_m2
 from tests.ui import synthetic

@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from app.commands._progress import print_whole
+from app.core.dialogue.words import NOTHING, duration, size
 from app.recording.library.shelf import Entry, shelf
-from app.ui.words import NOTHING, duration, size
 
 _TONES = {"whole": "", "recording": "green", "cut off": "yellow", "unreadable": "red"}
 

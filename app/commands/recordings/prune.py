@@ -6,10 +6,10 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
+from app.core.dialogue.words import size
 from app.core.errors import UsageError
 from app.recording.library.prune import Rule, discard, prunable
 from app.recording.library.shelf import shelf
-from app.ui.words import size
 
 
 def prune(

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.commands._progress import print_whole
+from app.core.dialogue.words import duration, number, size
 from app.core.errors import RecordingError
 from app.core.messages import Executed, Fault, Message, Model, Notice, Outcome, Parameter
 from app.recording.format import digests
@@ -17,7 +18,6 @@ from app.recording.library.label import labels
 from app.recording.library.shelf import Entry, entry
 from app.recording.read.reader import read_messages
 from app.ui.terminal import HEADER, outcome_line
-from app.ui.words import duration, number, size
 
 
 def show(file: tyro.conf.Positional[Path], /) -> None:

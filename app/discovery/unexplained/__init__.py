@@ -1,1 +1,1 @@
-"""What no cause of the catalogue explains: the residual test, and formulas of forces."""
+"""The part that no cause of the catalogue explains: the residual test, and formulas of forces."""

@@ -1,1 +1,1 @@
-"""What is simulated: a scene, its parameters, and the catalogue of what a scene can have."""
+"""A scene, its parameters, and the catalogue of materials, tools and effects that it can have."""

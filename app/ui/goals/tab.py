@@ -10,11 +10,11 @@ from typing import Any, Final, final
 import numpy as np
 import viser
 
+from app.core.dialogue import words
 from app.core.dialogue.requests import GoalRequest, GoalSource
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import fresh_id
 from app.core.types import Points
-from app.ui import words
 from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, GoalDraft, Kind, on_table
 from app.ui.parts import palette
 from app.ui.parts.board import Board

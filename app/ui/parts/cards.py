@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import Literal, TypeAlias
 
+from app.core.dialogue import words
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
-from app.ui import words
 from app.ui.parts import palette
 from app.ui.parts.board import Board
 from app.ui.parts.drift import Moved

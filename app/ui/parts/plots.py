@@ -6,9 +6,9 @@ import numpy as np
 import viser
 from viser import uplot
 
+from app.core.dialogue.words import millimetres
 from app.ui.parts import palette
 from app.ui.parts.board import Board
-from app.ui.words import millimetres
 
 HEIGHT_PX = 180
 PADDING_PX = (12, 24, 0, 0)

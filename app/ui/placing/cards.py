@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from jaxtyping import UInt8
 
+from app.core.dialogue import words
 from app.core.dialogue.placing import BoardSeen, Placing
 from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
-from app.ui import words
 from app.ui.parts import palette
 from app.ui.parts.board import Board
 from app.ui.parts.cards import table, toned

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from html import escape
 from typing import Final
 
+from app.core.dialogue import words
 from app.core.messages import Branch, Proposal
 from app.core.types import Points
-from app.ui import words
 from app.ui.parts.cards import table
 from app.ui.plans.look import PreviewState, motion_at, names, to_goal_m2
 

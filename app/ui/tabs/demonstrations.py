@@ -4,9 +4,9 @@ from typing import Any, Final, final
 
 import viser
 
+from app.core.dialogue import words
 from app.core.dialogue.requests import ClipRequest, TakeAct, TakeRequest
 from app.core.messages import fresh_id
-from app.ui import words
 from app.ui.parts.board import Board
 from app.ui.parts.decision import operator
 from app.ui.parts.desk import Desk

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import Final
 
+from app.core.dialogue import words
 from app.core.dialogue.doubt import Blamed, Verdict, Watched
-from app.ui import words
 from app.ui.parts.board import Board
 from app.ui.parts.cards import table
 

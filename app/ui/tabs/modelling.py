@@ -10,9 +10,9 @@ import numpy as np
 import viser
 from viser import uplot
 
+from app.core.dialogue import words
 from app.core.errors import DipacError
 from app.core.messages import Model
-from app.ui import words
 from app.ui.parts import palette
 from app.ui.parts.board import Board
 from app.ui.parts.decision import operator

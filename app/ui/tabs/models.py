@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Final
 
+from app.core.dialogue import words
 from app.core.messages import Model, Parameter
-from app.ui import words
 from app.ui.parts import palette
 from app.ui.parts.board import Board, Made
 from app.ui.parts.cards import table

@@ -6,10 +6,10 @@ from datetime import date, datetime
 from html import escape
 from typing import Final, Literal, TypeAlias
 
+from app.core.dialogue import words
 from app.core.dialogue.seeing import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
-from app.ui import words
 from app.ui.parts.board import Board
 from app.ui.parts.cards import table, toned
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
-from app.ui.report import write_report
+from app.report import write_report
 from tests.ui.report.cases import CASES, named
 
 pytestmark = pytest.mark.browser

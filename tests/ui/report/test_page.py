@@ -12,11 +12,11 @@ import pytest
 
 from app.core.errors import UsageError
 from app.discovery.results.case import Arrows, Case, Limit
-from app.ui.report import write_report
-from app.ui.report.advice import advice
-from app.ui.report.page import SECTIONS, page
-from app.ui.report.verdict import gain_sentence, headline
-from app.ui.report.words import effect_name
+from app.report import write_report
+from app.report.drawing.words import effect_name
+from app.report.page import SECTIONS, page
+from app.report.sections.advice import advice
+from app.report.sections.verdict import gain_sentence, headline
 from tests.ui.report.cases import CASES, a_set, blame, estimate, named, none
 
 every_case = pytest.mark.parametrize("case", [make() for make in CASES.values()], ids=list(CASES))

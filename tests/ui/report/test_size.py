@@ -7,7 +7,7 @@ import pytest
 
 from app.discovery.dataset.subject import catalogue
 from app.discovery.results.case import Blame, Estimate
-from app.ui.report.size import size
+from app.report.drawing.size import size
 from tests.ui.report import cases
 
 CATALOGUE = catalogue()

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from app.discovery.results.case import Case
-from app.ui.report import show_case
-from app.ui.report.verdict import headline
-from app.ui.report.words import effect_name
+from app.report import show_case
+from app.report.drawing.words import effect_name
+from app.report.sections.verdict import headline
 from tests.ui.report.cases import CASES, a_set, named
 
 every_case = pytest.mark.parametrize("case", [make() for make in CASES.values()], ids=list(CASES))

@@ -7,10 +7,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from app.ui.report import verdict_json
-from app.ui.report.advice import advice
-from app.ui.report.schema import json_schema
-from app.ui.report.verdict import headline, probability
+from app.report import verdict_json
+from app.report.schema import json_schema
+from app.report.sections.advice import advice
+from app.report.sections.verdict import headline, probability
 from tests.ui.report.cases import CASES, named, none
 
 SCHEMA_FILE = Path(__file__).parents[3] / "docs" / "verdict.schema.json"

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from app.discovery.dataset.subject import catalogue
-from app.ui.report import words
+from app.report.drawing import words
 
 CATALOGUE = catalogue()
 

@@ -3,10 +3,10 @@
 import math
 
 from app.discovery.results.case import Case, Power
-from app.ui.report.chart import Axis, arrow_path, label, line, svg
-from app.ui.report.layout import details, figure, paragraph, table
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import decimal, effect_name, of, quantity, title
+from app.report.drawing.chart import Axis, arrow_path, label, line, svg
+from app.report.drawing.layout import details, figure, paragraph, table
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import decimal, effect_name, of, quantity, title
 
 _ROW, _WIDTH, _LABELS, _NUMBERS = 26.0, 780.0, 220.0, 170.0
 _LOW, _HIGH = 0.1, 10.0

@@ -4,11 +4,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.results.case import Arrows, Case
-from app.ui.report.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
-from app.ui.report.ground import ground, surface, table_bounds
-from app.ui.report.layout import chooser, columns, figure, legend, paragraph
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import MINUS, decimal, percent
+from app.report.drawing.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
+from app.report.drawing.ground import ground, surface, table_bounds
+from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import MINUS, decimal, percent
 
 _CELL_M = 0.06
 """Size of the squares over which residuals are averaged where all pushes are shown."""

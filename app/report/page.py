@@ -9,19 +9,19 @@ from typing import Final
 
 from app.core.errors import UsageError
 from app.discovery.results.case import Case
-from app.ui.report.causes import causes, confusions
-from app.ui.report.checks import checks
-from app.ui.report.examples import examples
-from app.ui.report.field import field
-from app.ui.report.frames import frames
-from app.ui.report.gains import gains
-from app.ui.report.layout import section
-from app.ui.report.markup import Markup, tag
-from app.ui.report.masthead import masthead, scope
-from app.ui.report.model import model, spent
-from app.ui.report.next_push import next_push
-from app.ui.report.powers import powers
-from app.ui.report.verdict import headline
+from app.report.drawing.field import field
+from app.report.drawing.layout import section
+from app.report.drawing.markup import Markup, tag
+from app.report.sections.causes import causes, confusions
+from app.report.sections.checks import checks
+from app.report.sections.examples import examples
+from app.report.sections.frames import frames
+from app.report.sections.gains import gains
+from app.report.sections.masthead import masthead, scope
+from app.report.sections.model import model, spent
+from app.report.sections.next_push import next_push
+from app.report.sections.powers import powers
+from app.report.sections.verdict import headline
 
 SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("scope", "What was looked at", "How much there is, and what it cannot show.", scope),
@@ -80,4 +80,4 @@ def _policy(script: str) -> str:
 
 
 def _asset(name: str) -> str:
-    return files("app.ui.report").joinpath("assets", name).read_text(encoding="utf-8")
+    return files("app.report").joinpath("assets", name).read_text(encoding="utf-8")

@@ -6,10 +6,10 @@ import msgspec
 
 from app.core.geometry.track import Track
 from app.discovery.results.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
-from app.ui.report import schema
-from app.ui.report.advice import advice
-from app.ui.report.size import size
-from app.ui.report.verdict import headline, probability
+from app.report import schema
+from app.report.drawing.size import size
+from app.report.sections.advice import advice
+from app.report.sections.verdict import headline, probability
 
 
 def verdict_json(case: Case) -> str:

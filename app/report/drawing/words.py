@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from typing import Final, final
 
-from app.ui.words import NOTHING, sentence
+from app.core.dialogue.words import NOTHING, sentence
 
 _LISTED: Final = 4
 """Most effects listed in a sentence."""

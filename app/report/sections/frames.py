@@ -2,12 +2,12 @@
 
 import math
 
+from app.core.dialogue.words import sentence
 from app.discovery.results.case import Case, FrameTest
-from app.ui.report.chart import Axis, label, line, svg
-from app.ui.report.layout import paragraph, table
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import decimal, percent
-from app.ui.words import sentence
+from app.report.drawing.chart import Axis, label, line, svg
+from app.report.drawing.layout import paragraph, table
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import decimal, percent
 
 _WIDTH, _HEIGHT = 380.0, 26.0
 _SHARE = Axis(low=0.0, high=1.0, start=10.0, end=_WIDTH - 24)

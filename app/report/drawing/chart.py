@@ -10,8 +10,8 @@ from typing import final
 
 import numpy as np
 
-from app.ui.report.markup import Child, Markup, joined, short, tag
-from app.ui.report.words import decimal
+from app.report.drawing.markup import Child, Markup, joined, short, tag
+from app.report.drawing.words import decimal
 
 
 @final

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from app.discovery.results.case import Case, Gain
-from app.ui.report.chart import axes, dots, label, line, nice_step, plot, polyline, svg
-from app.ui.report.layout import columns, figure, legend, paragraph
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.verdict import gain_sentence
-from app.ui.report.words import decimal
+from app.report.drawing.chart import axes, dots, label, line, nice_step, plot, polyline, svg
+from app.report.drawing.layout import columns, figure, legend, paragraph
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import decimal
+from app.report.sections.verdict import gain_sentence
 
 _WIDTH, _HEIGHT = 250.0, 250.0
 _MARGINS = (14.0, 14.0, 46.0, 58.0)

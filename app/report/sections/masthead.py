@@ -4,12 +4,12 @@ import math
 from typing import Final
 
 from app.discovery.results.case import Case
-from app.ui.report.advice import advice
-from app.ui.report.layout import paragraph
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.size import size
-from app.ui.report.verdict import chance, headline, kind
-from app.ui.report.words import best, decimal, interval, title
+from app.report.drawing.layout import paragraph
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.size import size
+from app.report.drawing.words import best, decimal, interval, title
+from app.report.sections.advice import advice
+from app.report.sections.verdict import chance, headline, kind
 
 _PROGRAM: Final = "dipac "
 

@@ -2,12 +2,12 @@
 
 import math
 
+from app.core.dialogue.words import NOTHING, sentence
 from app.discovery.results.case import Case, Check
-from app.ui.report.chart import Axis, line, svg
-from app.ui.report.layout import paragraph, table
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import best, decimal, display, interval, with_symbol
-from app.ui.words import NOTHING, sentence
+from app.report.drawing.chart import Axis, line, svg
+from app.report.drawing.layout import paragraph, table
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import best, decimal, display, interval, with_symbol
 
 _WIDTH, _HEIGHT = 150.0, 22.0
 

@@ -13,10 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from app.discovery.results.case import Blame, Case
-from app.ui.report.advice import advice
-from app.ui.report.size import size
-from app.ui.report.verdict import chance, gain_sentence, headline, kind
-from app.ui.report.words import best, interval, percent, title
+from app.report.drawing.size import size
+from app.report.drawing.words import best, interval, percent, title
+from app.report.sections.advice import advice
+from app.report.sections.verdict import chance, gain_sentence, headline, kind
 
 _WIDTH = 80
 _ALTERNATIVES = 4

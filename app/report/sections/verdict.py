@@ -2,9 +2,9 @@
 
 import math
 
+from app.core.dialogue.words import sentence
 from app.discovery.results.case import Case, Gain
-from app.ui.report.words import decimal, gain_and_interval, names, percent
-from app.ui.words import sentence
+from app.report.drawing.words import decimal, gain_and_interval, names, percent
 
 _KINDS = {
     "named": "A cause is named",

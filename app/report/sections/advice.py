@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from app.discovery.results.case import Case
-from app.ui.report.verdict import is_missing_something
+from app.report.sections.verdict import is_missing_something
 
 _SOURCE: Final = {
     "sensing": "Or take it away at its source: calibrate cameras and tool anew, and record again.",

@@ -1,12 +1,12 @@
 """Held-out pushes as observed and as both models predict them, from above, with the largest difference enlarged."""
 
 from app.discovery.results.case import Case, Example
-from app.ui.report.chart import Plot, svg
-from app.ui.report.ground import bounds, cloud, ground, surface, way
-from app.ui.report.layout import chooser, columns, figure, legend, paragraph
-from app.ui.report.lens import LENS_M, apart_mm, close_up, enlarged, frame, lens
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import decimal
+from app.report.drawing.chart import Plot, svg
+from app.report.drawing.ground import bounds, cloud, ground, surface, way
+from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
+from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarged, frame, lens
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import decimal
 
 _KEY = (
     ("before", "before the push"),

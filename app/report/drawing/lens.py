@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.types import Points
-from app.ui.report.chart import Plot, svg
-from app.ui.report.ground import DOTS_DRAWN, Bounds, ground, surface
-from app.ui.report.markup import Markup, tag
+from app.report.drawing.chart import Plot, svg
+from app.report.drawing.ground import DOTS_DRAWN, Bounds, ground, surface
+from app.report.drawing.markup import Markup, tag
 
 LENS_M = 0.035
 """Half the side of the region."""

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from app.discovery.results.case import Case
-from app.ui.report.chart import Plot, arrow_path, axes, dots, plot, polyline
-from app.ui.report.markup import Markup, joined, tag
+from app.report.drawing.chart import Plot, arrow_path, axes, dots, plot, polyline
+from app.report.drawing.markup import Markup, joined, tag
 
 Flat: TypeAlias = Float[np.ndarray, "_ _"]
 """Points, shape (M, 2) or (M, 3), of which the first two columns are x and y [m]; many clouds of many sizes."""

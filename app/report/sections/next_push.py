@@ -1,13 +1,13 @@
 """The most discriminating next push, drawn on the table."""
 
+from app.core.dialogue.words import duration
 from app.discovery.results.case import Case, NextPush
-from app.ui.report.chart import Plot, svg
-from app.ui.report.ground import cloud, ground, surface, table_bounds, way
-from app.ui.report.layout import columns, figure, legend, paragraph
-from app.ui.report.lens import close_up, enlarged, frame, lens
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import best, effect_name
-from app.ui.words import duration
+from app.report.drawing.chart import Plot, svg
+from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
+from app.report.drawing.layout import columns, figure, legend, paragraph
+from app.report.drawing.lens import close_up, enlarged, frame, lens
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import best, effect_name
 
 _KINDS = ("end0", "end1", "end2", "end3")
 

@@ -2,12 +2,12 @@
 
 import math
 
+from app.core.dialogue.words import duration, sentence
 from app.discovery.results.case import Case, Estimate
-from app.ui.report.chart import label, svg
-from app.ui.report.layout import figure, paragraph, table
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.words import best, decimal, display, effect_name, interval, title, with_symbol
-from app.ui.words import duration, sentence
+from app.report.drawing.chart import label, svg
+from app.report.drawing.layout import figure, paragraph, table
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.words import best, decimal, display, effect_name, interval, title, with_symbol
 
 _WIDTH, _ROW, _LABELS = 780.0, 24.0, 190.0
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from app.discovery.results.case import Blame, Case
-from app.ui.report.chart import label, svg
-from app.ui.report.layout import details, figure, paragraph, table
-from app.ui.report.markup import Markup, joined, tag
-from app.ui.report.size import size
-from app.ui.report.words import best, decimal, effect_name, interval, percent, title
+from app.report.drawing.chart import label, svg
+from app.report.drawing.layout import details, figure, paragraph, table
+from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.size import size
+from app.report.drawing.words import best, decimal, effect_name, interval, percent, title
 
 _FIRST = 8
 """Causes shown at once; the others on demand."""

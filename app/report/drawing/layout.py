@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from app.ui.report.markup import Child, Markup, joined, tag
+from app.report.drawing.markup import Child, Markup, joined, tag
 
 
 def section(ident: str, number: int, title: str, question: str, *children: Child) -> Markup:
