@@ -25,7 +25,7 @@ from app.discovery.checks.limits import limits_of
 from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import Subject, Theta, catalogue
-from app.discovery.inference.decide import NAMED, Decision, decide, held_out, is_sized
+from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out, is_sized
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.case import Blame, Limit
@@ -72,7 +72,7 @@ class Investigated:
     predictor: Predictor
     trials: Trials
     screening: Screening
-    decision: Decision
+    decision: ModelSelection
     limits: tuple[Limit, ...]
     ranking: tuple[Blame, ...]
 

@@ -20,15 +20,6 @@ TESTS = sorted(ROOT.glob("tests/**/*.py"))
 MAX_LINES = 400
 ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
 """First words of docstrings that talk about a thing before they say what it is."""
-HOMONYMS = {
-    "Decision": "a recorded message: an operator's; and discovery's choice among refitted models",
-    "Fault": "a recorded message: a failure of the session; and the first bad step of a simulation",
-    "Model": "a recorded message: the simulator's parameters; and discovery's model with its causes refitted",
-    "Seen": "a recorded message: the segmented cameras; and the particles of pushes, predicted or observed",
-    "Verdict": "a recorded message: that of a discovery; and the quality of a rope's centreline",
-}
-"""Public class names that two modules define, and what they are. The name of a message is that of its schema in
-recordings, so the other one has to give way; none may be added."""
 MAX_MODULES = 15
 ONE_FILE_EACH = {"app/commands", "app/rig/simulated/hidden", "app/sim/effects", "app/tasks"}
 """Folders that grow by a file with each command, effect or task."""
@@ -115,9 +106,7 @@ def test_a_public_class_name_is_defined_once():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 files[node.name].append(name(file))
     several = {key: where for key, where in files.items() if len(where) > 1}
-    added = {key: where for key, where in several.items() if key not in HOMONYMS}
-    assert not added, "give the less central of them a more specific name, in the field's words"
-    assert several.keys() == HOMONYMS.keys(), "take from HOMONYMS the names that are defined once now"
+    assert not several, "give the less central of them a more specific name, in the field's words"
 
 
 @pytest.mark.parametrize("file", COMMANDS, ids=name)

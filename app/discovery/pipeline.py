@@ -20,8 +20,8 @@ from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import Subject, Theta, catalogue, setup_of
 from app.discovery.experiments.next_push import next_push
 from app.discovery.inference.confusion import confusions
-from app.discovery.inference.decide import Decision, Progress, decide
-from app.discovery.inference.refine import Model
+from app.discovery.inference.decide import ModelSelection, Progress, decide
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening, arrows_of, refit, screen
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, Trials, prepare
@@ -118,7 +118,7 @@ class Judged:
     trials: Trials
     about: Theta
     screening: Screening
-    decision: Decision
+    decision: ModelSelection
     limits: tuple[Limit, ...]
 
 
@@ -144,7 +144,7 @@ def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None
     )
 
 
-def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:
+def _model(verdict: Name, decision: ModelSelection, open_ended: Opened) -> RefinedModel | None:
     """Model to save: that of the verdict's formula, or of its causes."""
     if verdict == "none":
         return None
@@ -181,7 +181,7 @@ def _amount(study: Study, subject: Subject) -> Amount:
 
 
 def _causes(
-    predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: Model | None
+    predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: RefinedModel | None
 ) -> tuple[Blame, ...]:
     """Causes of the verdict; if several act together, with the sizes of the model that has them all."""
     found = [next(blame for blame in ranking if blame.effect == name) for name in names]
@@ -197,7 +197,7 @@ def _causes(
     )
 
 
-def _rivals(screening: Screening, decision: Decision, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
+def _rivals(screening: Screening, decision: ModelSelection, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
     """Hypotheses that are still probable, with their models."""
     rivals = {
         model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)

@@ -30,7 +30,7 @@ from threadpoolctl import threadpool_limits
 from app.discovery.dataset.subject import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, features
 from app.discovery.inference.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
-from app.discovery.inference.refine import Model
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening, Suspect, refit, screen
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, Trials, prepare
@@ -136,7 +136,7 @@ def _refit_of(predictor: Predictor, trials: Trials, screening: Screening, suspec
     return {**found, "further": _further_of(predictor, trials, screening, model)}
 
 
-def _further_of(predictor: Predictor, trials: Trials, screening: Screening, model: Model) -> dict[str, Any]:
+def _further_of(predictor: Predictor, trials: Trials, screening: Screening, model: RefinedModel) -> dict[str, Any]:
     """The likeliest further cause beside one, its evidence over that one [nats], and what left-out episodes gain."""
     suspects = further(model)[:1]
     if not suspects:

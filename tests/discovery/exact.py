@@ -6,12 +6,14 @@ import numpy as np
 
 from app.discovery.dataset.subject import Catalogue, Subject
 from app.discovery.inference.evidence import fitted
-from app.discovery.inference.refine import Model, own_steps
+from app.discovery.inference.refine import RefinedModel, own_steps
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.rows import Block, Residuals
 
 
-def exact_model(subject: Subject, known: Catalogue, causes: tuple[str, ...], values: Mapping[str, float]) -> Model:
+def exact_model(
+    subject: Subject, known: Catalogue, causes: tuple[str, ...], values: Mapping[str, float]
+) -> RefinedModel:
     """A fit of these causes, at these values, to rows that say them in their own steps."""
     theta = known.nominal(subject)
     for name, value in values.items():
@@ -28,7 +30,7 @@ def exact_model(subject: Subject, known: Catalogue, causes: tuple[str, ...], val
         blocks=(Block(slice(0, 8), 1e-3),),
     )
     prior = Prior(mean=np.zeros(count), variance=np.ones(count), nuisance=(0, 1))
-    return Model(
+    return RefinedModel(
         causes=causes,
         theta=theta,
         estimate=theta,

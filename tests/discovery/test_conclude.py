@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from app.discovery.dataset.subject import catalogue
-from app.discovery.inference.decide import Decision, Held
-from app.discovery.inference.refine import Model
+from app.discovery.inference.decide import Held, ModelSelection
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.residuals.forces import FORMULA, with_formula
 from app.discovery.results.case import Blame, Limit
 from app.discovery.results.conclude import estimates_of, sentences_of, verdict_of
@@ -21,12 +21,12 @@ FATAL = Limit(text="Nothing was touched.", consequence="No cause can be named: p
 MILD = Limit(text="One speed only.", consequence="Delay and compliance cannot be told apart.")
 
 
-def model(*causes: str, values: dict[str, float] | None = None) -> Model:
+def model(*causes: str, values: dict[str, float] | None = None) -> RefinedModel:
     return exact_model(SUBJECT, CATALOGUE, causes, values or {})
 
 
-def decision(probabilities: dict[str, float], accepted: Model | None) -> Decision:
-    return Decision(
+def decision(probabilities: dict[str, float], accepted: RefinedModel | None) -> ModelSelection:
+    return ModelSelection(
         singles=(),
         probabilities=probabilities,
         nothing=1 - sum(probabilities.values()),

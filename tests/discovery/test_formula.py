@@ -8,7 +8,7 @@ import pytest
 from app.core.messages import Model
 from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import catalogue
-from app.discovery.inference.decide import Decision, decide
+from app.discovery.inference.decide import ModelSelection, decide
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.conclude import verdict_of
@@ -51,8 +51,8 @@ def studies() -> dict[str, Study]:
 
 
 @cache
-def decided(name: str) -> tuple[Trials, Screening, Decision, Opened]:
-    """Decision with a tilted table as the only known cause, the one most like a swirl."""
+def decided(name: str) -> tuple[Trials, Screening, ModelSelection, Opened]:
+    """Selection with a tilted table as the only known cause, the one most like a swirl."""
     trials = prepare(studies()[name], SUBJECT)
     screening = screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=("table_tilt",))
     decision = decide(PREDICTOR, trials, screening, lambda _: None)

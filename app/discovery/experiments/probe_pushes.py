@@ -21,7 +21,7 @@ from app.discovery.dataset.subject import RodModel, Subject, catalogue
 from app.discovery.experiments.next_push import push_words
 from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.inference.evidence import information_of
-from app.discovery.residuals.predict import Predictor, Seen, Trials, prepare
+from app.discovery.residuals.predict import Predictor, PushParticles, Trials, prepare
 from app.discovery.residuals.sensitivity import residuals
 from app.policy.strokes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
@@ -176,7 +176,7 @@ def informations(
     """Information of each candidate on the belief's columns, by its slopes about the belief's model, and its end."""
     blind = _trials(predictor, scene, candidates, None)
     expected = predictor(blind, [belief.about])
-    trials = _trials(predictor, scene, candidates, Seen(expected.during[0], expected.after[0]))
+    trials = _trials(predictor, scene, candidates, PushParticles(expected.during[0], expected.after[0]))
     data = residuals(predictor, trials, belief.about, belief.steps)
     count = len(candidates)
     return information_of(data, belief.noise)[-count:], expected.after[0, -count:]
@@ -267,7 +267,7 @@ def _towards(
 
 
 def _trials(
-    predictor: Predictor, scene: PushSituation, candidates: Sequence[Candidate], expected: Seen | None
+    predictor: Predictor, scene: PushSituation, candidates: Sequence[Candidate], expected: PushParticles | None
 ) -> Trials:
     """The candidates as pushes whose outcome is as `expected`, or unknown.
 

@@ -1,4 +1,4 @@
-"""Decision between suspects: the best of them refitted, a second and a third cause if the first is not enough.
+"""Selection between suspects: the best of them refitted, a second and a third cause if the first is not enough.
 
 A cause is accepted where it makes the data enough more likely, and where episodes that it was not fitted to are
 predicted better. Evidence is of two kinds. That of the screening weighs all causes with the same simulations, and so
@@ -18,7 +18,7 @@ from scipy.stats import t
 from app.discovery.dataset.subject import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
 from app.discovery.inference.evidence import Covariances, fitted, log_likelihood
-from app.discovery.inference.refine import Model, refine, started
+from app.discovery.inference.refine import RefinedModel, refine, started
 from app.discovery.inference.screen import Screening, Suspect
 from app.discovery.inference.weighing import Z90, Prior, weigh
 from app.discovery.residuals.forces import FORMULA
@@ -76,28 +76,28 @@ class Held(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Decision:
+class ModelSelection:
     """The refitted singles, the most probable first, and the model that is accepted, if any.
 
     `probabilities` of each cause alone, `unknown` of a force of none of them, which is not weighed in material points;
     what is left to 1 is that nothing is missing. `held`: of the best, None where it is too improbable to be accepted.
     """
 
-    singles: tuple[Model, ...]
+    singles: tuple[RefinedModel, ...]
     probabilities: Mapping[str, float]
     nothing: float
-    accepted: Model | None
+    accepted: RefinedModel | None
     held: Held | None
     unknown: float = 0.0
 
 
-def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
+def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> ModelSelection:
     """Refit the shortlist, weigh it, and add causes while they are needed.
 
     Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is. A further one
     is asked about where the first makes left-out episodes more likely.
     """
-    singles, catalogue = list[Model](), predictor.catalogue
+    singles, catalogue = list[RefinedModel](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
     for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
@@ -119,7 +119,7 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
         held = linear if is_earned(linear) else held
     earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
-    return Decision(
+    return ModelSelection(
         singles=tuple(singles),
         probabilities=probabilities,
         nothing=nothing,
@@ -135,7 +135,7 @@ def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[
     return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
 
 
-def is_sized(catalogue: Catalogue, model: Model) -> bool:
+def is_sized(catalogue: Catalogue, model: RefinedModel) -> bool:
     """True if every cause of a model is present by its interval, and none is at the end of its range."""
     deviations = np.sqrt(np.diag(model.covariance))
     for name in model.causes:
@@ -156,12 +156,12 @@ def is_sized(catalogue: Catalogue, model: Model) -> bool:
 
 def refitted(
     predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool = True
-) -> Model:
+) -> RefinedModel:
     """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
     if not thorough:
         start = started(predictor.catalogue, screening.about, suspect)
         return refine(predictor, trials, screening, [(suspect.cause, start)], rounds=1)
-    best: Model | None = None
+    best: RefinedModel | None = None
     for share in _SHARES:
         start = started(predictor.catalogue, screening.about, suspect, share=share)
         model = refine(predictor, trials, screening, [(suspect.cause, start)])
@@ -181,7 +181,7 @@ def shortlist(screening: Screening) -> list[Suspect]:
     return close[: _SHORTLIST + _ASKED] or list(suspects[:1])
 
 
-def probabilities_of(screening: Screening, singles: Sequence[Model]) -> tuple[Mapping[str, float], float]:
+def probabilities_of(screening: Screening, singles: Sequence[RefinedModel]) -> tuple[Mapping[str, float], float]:
     """Probabilities of each cause, and of none; of those not refitted by the screening's evidence alone."""
     linear = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
     refitted = {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
@@ -213,14 +213,14 @@ def _extended(
     predictor: Predictor,
     trials: Trials,
     screening: Screening,
-    best: Model,
-    singles: Sequence[Model],
+    best: RefinedModel,
+    singles: Sequence[RefinedModel],
     said: Progress,
-) -> Model:
+) -> RefinedModel:
     """The best model with more causes, while each makes the data enough more likely; none that is not needed."""
     starts = {model.causes[0]: model.estimate for model in singles}
     while len(best.causes) < _MOST:
-        found = list[Model]()
+        found = list[RefinedModel]()
         for suspect in further(best)[:_ASKED]:
             said(f"adding {suspect.cause} to {', '.join(best.causes)}")
             found.append(extended(predictor, trials, screening, best, suspect, starts.get(suspect.cause)))
@@ -238,17 +238,17 @@ def extended(
     predictor: Predictor,
     trials: Trials,
     screening: Screening,
-    model: Model,
+    model: RefinedModel,
     suspect: Suspect,
     start: Theta | None = None,
-) -> Model:
+) -> RefinedModel:
     """The model with a further cause, refitted; from that cause's value in `start`, or as the screening found it."""
     start = started(predictor.catalogue, screening.about, suspect) if start is None else start
     both = [*((name, model.estimate) for name in model.causes), (suspect.cause, start)]
     return refine(predictor, trials, screening, both, (model.fit.covariances,))
 
 
-def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
+def _without_needless(model: RefinedModel, simpler: Sequence[RefinedModel]) -> RefinedModel:
     """A simpler model with some of its causes that is nearly as likely, or itself."""
     for other in sorted(simpler, key=lambda other: -other.log_evidence):
         if set(other.causes) < set(model.causes) and other.log_evidence > model.log_evidence - ENOUGH:
@@ -256,7 +256,7 @@ def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
     return model
 
 
-def further(model: Model) -> list[Suspect]:
+def further(model: RefinedModel) -> list[Suspect]:
     """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
     groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
@@ -278,7 +278,7 @@ def further(model: Model) -> list[Suspect]:
     return list(first.values())
 
 
-def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
+def held_out(simpler: tuple[Residuals, Prior], model: RefinedModel) -> Held:
     """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
     return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
@@ -330,7 +330,7 @@ def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Co
     return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
 
 
-def left_out_thetas(model: Model) -> dict[int, Float64[np.ndarray, " P"]]:
+def left_out_thetas(model: RefinedModel) -> dict[int, Float64[np.ndarray, " P"]]:
     """The own columns' values, in steps from the model's theta and as far as trusted, when an episode is left out."""
     found = dict[int, Float64[np.ndarray, " P"]]()
     for episode in np.unique(model.data.episode):
@@ -339,7 +339,7 @@ def left_out_thetas(model: Model) -> dict[int, Float64[np.ndarray, " P"]]:
     return found
 
 
-def theta_of(catalogue: Catalogue, model: Model, shares: Float64[np.ndarray, " Q"]) -> Theta:
+def theta_of(catalogue: Catalogue, model: RefinedModel, shares: Float64[np.ndarray, " Q"]) -> Theta:
     """The model's theta moved by so many of its own steps."""
     theta = model.theta
     for step, share in zip(model.steps[: model.own], shares, strict=True):

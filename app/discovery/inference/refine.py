@@ -31,7 +31,7 @@ _SETTLED = 0.15
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Model:
+class RefinedModel:
     """Model with causes taken for present, at their estimates, about which everything else is linear.
 
     `own`: the first columns of the data, those of the causes and of the calibrated parameters; the rest are the
@@ -64,7 +64,7 @@ def refine(
     noises: Sequence[Covariances] = (),
     *,
     rounds: int = _ROUNDS,
-) -> Model:
+) -> RefinedModel:
     """The best model with these causes; each start is a cause and a theta that has it.
 
     Where a step makes the data less likely, half of it is tried. It is linear about `rounds` models at most.
@@ -73,7 +73,7 @@ def refine(
     causes = tuple(name for name, _ in starts)
     theta = _joined(catalogue, screening.about, starts)
     own = own_steps(catalogue, predictor.subject.calibrated, causes)
-    best: Model | None = None
+    best: RefinedModel | None = None
     for _ in range(rounds):
         sloped = residuals(predictor, trials, theta, own, replicas=0)
         model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
@@ -88,7 +88,7 @@ def refine(
     return best
 
 
-def _ahead(catalogue: Catalogue, model: Model, share: float) -> Theta:
+def _ahead(catalogue: Catalogue, model: RefinedModel, share: float) -> Theta:
     """The model's theta moved by a share of its fit."""
     estimate = model.theta
     shares = np.clip(model.fit.theta[: model.own], -_FARTHEST, _FARTHEST)
@@ -139,7 +139,7 @@ def _fitted(
     own: tuple[Step, ...],
     sloped: Residuals,
     noises: Sequence[Covariances],
-) -> Model:
+) -> RefinedModel:
     present = {step.column for step in own}
     others = [n for n, step in enumerate(screening.steps) if step.column not in present]
     base = screening.data
@@ -155,7 +155,7 @@ def _fitted(
     prior = _prior(catalogue, screening, theta, own, others)
     weighing = screening.weighing
     fit = fitted(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
-    model = Model(
+    model = RefinedModel(
         causes=causes,
         theta=theta,
         estimate=theta,

@@ -34,7 +34,7 @@ _STILL_M = 2e-3
 _LEAST_SHARE = 0.1
 
 
-class Seen(NamedTuple):
+class PushParticles(NamedTuple):
     """Predicted or observed particles during and after each push [m], (..., K, N, 3).
 
     If no view was taken during a push, `during` is as before it.
@@ -61,7 +61,7 @@ class Trials:
     """Times of the simulation's begin, its stop for the view on the way, and its end; by cameras' and arm's clock."""
     loads: tuple[Load, ...]
     has_during: Bool[np.ndarray, " K"]
-    observed: Seen
+    observed: PushParticles
     ways: Float32[np.ndarray, " K"]
     """-1 where the object's other end is called the first than was at first; the cameras' errors stay as drawn."""
     noise_m: float = 1e-3
@@ -107,7 +107,7 @@ class Trials:
             ends_s=self.ends_s[rows],
             loads=tuple(self.loads[k] for k in starts),
             has_during=self.has_during[rows],
-            observed=Seen(self.observed.during[rows], self.observed.after[rows]),
+            observed=PushParticles(self.observed.during[rows], self.observed.after[rows]),
             ways=self.ways[owners],
         )
 
@@ -143,7 +143,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
         ends_s=ends,
         loads=tuple(dragging(push.track, push.before.points, push.after.points, subject) for push in pushes),
         has_during=np.array([view is not None for view in during]),
-        observed=Seen(
+        observed=PushParticles(
             during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
             after=np.stack([push.after.points for push in pushes]),
         ),
@@ -171,7 +171,7 @@ class Predictor:
         *,
         subject: Subject | None = None,
         where: Bool[np.ndarray, "Q K"] | None = None,
-    ) -> Seen:
+    ) -> PushParticles:
         """Predictions of each model for every push, or for those of `where`, by this `subject` or another.
 
         NaN if nothing was simulated, or the simulation left its grid.
@@ -190,7 +190,7 @@ class Predictor:
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
                     during[q, k] = self._seen(trials, k, mid, thetas[q])
                     after[q, k] = self._seen(trials, k, end, thetas[q])
-        return Seen(during, after)
+        return PushParticles(during, after)
 
     def _seen(self, trials: Trials, k: int, points: Points, theta: Theta) -> Points:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""

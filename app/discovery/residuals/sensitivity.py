@@ -16,7 +16,7 @@ from app.core.types import Points
 from app.discovery.dataset.subject import NUMERICS, Catalogue, Cause, Theta
 from app.discovery.residuals.direct import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.residuals.field import MODES, REVERSED, Basis, registered
-from app.discovery.residuals.predict import Predictor, Seen, Trials
+from app.discovery.residuals.predict import Predictor, PushParticles, Trials
 from app.discovery.residuals.rows import Block, Residuals
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
@@ -206,7 +206,7 @@ def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int
 
 def _simulated(
     predictor: Predictor, trials: Trials, about: Theta, steps: Sequence[Step], changes: Sequence[Change]
-) -> tuple[Seen, list[tuple[Seen, Seen]]]:
+) -> tuple[PushParticles, list[tuple[PushParticles, PushParticles]]]:
     """The model's own predictions, and those of both ends of every change. NaN where nothing changes."""
     thetas, where = [about], [np.ones(len(trials), bool)]
     at, felt = dict[tuple[int, int], int](), _felt(predictor.catalogue, trials)
@@ -220,13 +220,13 @@ def _simulated(
                 thetas.append(end)
                 where.append(near)
     found = predictor(trials, thetas, where=np.stack(where))
-    base = Seen(found.during[0], found.after[0])
+    base = PushParticles(found.during[0], found.after[0])
 
-    def end_of(number: int, step: Step, side: int) -> Seen:
+    def end_of(number: int, step: Step, side: int) -> PushParticles:
         if _is_compiled(predictor, step) and side == 0:
             return _single(predictor(trials, [about], subject=predictor.subject.numeric(step.cause)))
         index = at.get((number, side), 0)
-        return Seen(found.during[index], found.after[index])
+        return PushParticles(found.during[index], found.after[index])
 
     return base, [(end_of(n, step, 0), end_of(n, step, 1)) for n, step in enumerate(steps)]
 
@@ -236,22 +236,24 @@ def _is_compiled(predictor: Predictor, step: Step) -> bool:
     return predictor.subject.rods is None and step.cause in NUMERICS
 
 
-def _mean_of(runs: Sequence[tuple[Seen, list[tuple[Seen, Seen]]]]) -> tuple[Seen, list[Seen]]:
+def _mean_of(
+    runs: Sequence[tuple[PushParticles, list[tuple[PushParticles, PushParticles]]]],
+) -> tuple[PushParticles, list[PushParticles]]:
     """The model's predictions, and their displacements by each change [m], as means over starts."""
     changes = [[_apart(*ends) for ends in run[1]] for run in runs]
     return _mean([run[0] for run in runs]), [_mean(change) for change in zip(*changes, strict=True)]
 
 
-def _apart(up: Seen, down: Seen) -> Seen:
-    return Seen(up.during - down.during, up.after - down.after)
+def _apart(up: PushParticles, down: PushParticles) -> PushParticles:
+    return PushParticles(up.during - down.during, up.after - down.after)
 
 
-def _mean(seen: Sequence[Seen]) -> Seen:
+def _mean(seen: Sequence[PushParticles]) -> PushParticles:
     """Mean over the simulations that reached their end; NaN if none did."""
     if len(seen) == 1:
         return seen[0]
     during, after = (_mean_of_known(np.stack(views)) for views in zip(*seen, strict=True))
-    return Seen(during, after)
+    return PushParticles(during, after)
 
 
 def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray, "K N 3"]:
@@ -283,16 +285,16 @@ def _nearest(cloud: Points, place: Float64[np.ndarray, "2"]) -> float:
     return float(np.linalg.norm(cloud[:, :2] - place, axis=1).min())
 
 
-def _single(found: Seen) -> Seen:
-    return Seen(found.during[0], found.after[0])
+def _single(found: PushParticles) -> PushParticles:
+    return PushParticles(found.during[0], found.after[0])
 
 
 def _assembled(
     trials: Trials,
-    base: Seen,
-    changes: Sequence[Seen],
+    base: PushParticles,
+    changes: Sequence[PushParticles],
     apart: Sequence[float],
-    replicas: Sequence[Seen],
+    replicas: Sequence[PushParticles],
 ) -> Residuals:
     """Amplitudes of the view during and after each push, in that order; 0 and masked for a missing view."""
     count, width = len(trials), 2 * MODES

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from app.discovery.dataset.subject import Catalogue, Subject, Theta
-from app.discovery.inference.decide import NAMED, TEMPERATURE, Decision
-from app.discovery.inference.refine import Model
+from app.discovery.inference.decide import NAMED, TEMPERATURE, ModelSelection
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import Z90, projected
 from app.discovery.results.case import Blame, Estimate, Formula, Limit, Name, Power
@@ -25,7 +25,7 @@ _NAMEABLE = 4.0 * TEMPERATURE
 """Evidence of the screening from which a cause is named alone, in a catalogue of this size."""
 
 
-def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> tuple[Name, tuple[str, ...]]:
+def verdict_of(decision: ModelSelection, limits: Sequence[Limit], opened: Opened) -> tuple[Name, tuple[str, ...]]:
     """The kind of verdict, and the causes that it is about."""
     if any(limit.fatal for limit in limits):
         return "none", ()
@@ -47,7 +47,9 @@ def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> t
     return "set", tuple(chosen)
 
 
-def ranking_of(catalogue: Catalogue, subject: Subject, screening: Screening, decision: Decision) -> tuple[Blame, ...]:
+def ranking_of(
+    catalogue: Catalogue, subject: Subject, screening: Screening, decision: ModelSelection
+) -> tuple[Blame, ...]:
     """Causes that were weighed, the most probable first; with refitted sizes if there are some."""
     models = {model.causes[0]: model for model in decision.singles}
     blames = list[Blame]()
@@ -78,7 +80,9 @@ def ranking_of(catalogue: Catalogue, subject: Subject, screening: Screening, dec
     return tuple(sorted(blames, key=lambda blame: -blame.probability))
 
 
-def estimates_of(catalogue: Catalogue, subject: Subject, model: Model, cause: str | None) -> tuple[Estimate, ...]:
+def estimates_of(
+    catalogue: Catalogue, subject: Subject, model: RefinedModel, cause: str | None
+) -> tuple[Estimate, ...]:
     """The parameters of a cause that the model has; of the calibrated ones where `cause` is None."""
     deviations = np.sqrt(np.diag(model.covariance))
     names = {one.name for one in catalogue.causes}

@@ -15,7 +15,7 @@ from app.core.types import Points
 from app.discovery.dataset.subject import Theta
 from app.discovery.inference.decide import left_out_thetas, theta_of
 from app.discovery.inference.evidence import fitted
-from app.discovery.inference.refine import Model
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.residuals.field import Basis, registered
 from app.discovery.residuals.predict import Predictor, Trials
@@ -47,7 +47,7 @@ class Folds(NamedTuple):
     extended: Mapping[int, Theta]
 
 
-def gained(predictor: Predictor, trials: Trials, screening: Screening, model: Model | None) -> Gained:
+def gained(predictor: Predictor, trials: Trials, screening: Screening, model: RefinedModel | None) -> Gained:
     """Errors over one push and over several, with and without the extension."""
     folds = _folds(predictor, screening, model)
     planned = _as_planned(trials)
@@ -78,7 +78,7 @@ def gained(predictor: Predictor, trials: Trials, screening: Screening, model: Mo
     )
 
 
-def _folds(predictor: Predictor, screening: Screening, model: Model | None) -> Folds:
+def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | None) -> Folds:
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = [n for n, step in enumerate(screening.steps) if step.cause in calibrated]
     data, variance = screening.data, screening.prior.variance[own]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from app.discovery.dataset.subject import Catalogue, Theta
-from app.discovery.inference.decide import ENOUGH, Decision, Progress, held_out, is_earned
-from app.discovery.inference.refine import Model, refine, started
+from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out, is_earned
+from app.discovery.inference.refine import RefinedModel, refine, started
 from app.discovery.inference.screen import Screening, Suspect
 from app.discovery.inference.weighing import Finding, Prior, log_evidence, weigh
 from app.discovery.residuals.forces import FEATURES, FORMULA, parameters, with_formula
@@ -34,7 +34,7 @@ class AcceptedFormula:
     """A formula that was accepted: its features and their fit, whose only cause is `FORMULA` of `catalogue`."""
 
     features: tuple[str, ...]
-    model: Model
+    model: RefinedModel
     catalogue: Catalogue
 
 
@@ -55,7 +55,9 @@ class _Rival(NamedTuple):
     accepted: bool
 
 
-def opened(predictor: Predictor, trials: Trials, screening: Screening, decision: Decision, said: Progress) -> Opened:
+def opened(
+    predictor: Predictor, trials: Trials, screening: Screening, decision: ModelSelection, said: Progress
+) -> Opened:
     """Test the residuals of the decision, and look for a formula that explains them better."""
     known = library(predictor, trials, screening)
     nothing = known.beside_nothing(screening)
@@ -108,7 +110,7 @@ def _refined(
     return AcceptedFormula(features=features, model=model, catalogue=catalogue)
 
 
-def _needed(simpler: Model, model: Model) -> bool:
+def _needed(simpler: RefinedModel, model: RefinedModel) -> bool:
     """True if a further feature makes all data likely enough, and left-out episodes more likely."""
     if model.log_evidence < simpler.log_evidence + ENOUGH:
         return False
@@ -135,7 +137,7 @@ def _suspect(steps: Sequence[Step], columns: Sequence[int], finding: Finding) ->
     return Suspect(cause=FORMULA, columns=tuple(columns), steps=own, finding=finding)
 
 
-def _rivals(known: Library, nothing: Widened, decision: Decision, beside: Widened) -> list[_Rival]:
+def _rivals(known: Library, nothing: Widened, decision: ModelSelection, beside: Widened) -> list[_Rival]:
     """Rivals of a formula: nothing missing, the accepted causes, and the likeliest cause if it was not accepted."""
     temper = nothing.weighing.temper
 

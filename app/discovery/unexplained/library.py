@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.inference.refine import Model
+from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import HABITS, Prior, Weighing, weigh
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
@@ -50,7 +50,7 @@ class Library:
         """The features against the refitted nominal model."""
         return self._beside(screening.data, screening.prior, screening.steps)
 
-    def beside(self, model: Model) -> Widened:
+    def beside(self, model: RefinedModel) -> Widened:
         """The features against a model with causes of the catalogue."""
         return self._beside(model.data, model.prior, model.steps)
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from app.core.errors import ParameterError
-from app.sim.diagnosis.faults import KEPT, Autopsy, Fault
+from app.sim.diagnosis.faults import KEPT, Autopsy, SimulationFault
 from app.sim.model.known import kind_name
 from app.sim.mpm.packed import unpack
 from app.sim.runtime.checks import Arrays, Setup, first, inside, require_inputs, require_shapes, room, words
@@ -120,7 +120,7 @@ def dissect(case: MpmCase) -> Autopsy[SimulationTrace, State]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_shapes(case.phi, case.state, case.tool, case.setting, case.setup.sizes())
     objection = _objection(case)
-    faults: dict[str, Fault] = {}
+    faults: dict[str, SimulationFault] = {}
     rows: list[SimulationTrace] = []
     last = _rows(case.state, slice(0))
     failed = None if _usable(case) else 0
@@ -186,7 +186,7 @@ def _broken(states: State) -> Bool[np.ndarray, "K N"]:
     return ~np.logical_and.reduce(flat)
 
 
-def _faults(case: MpmCase, states: State, at: int, count: int) -> Iterator[Fault]:
+def _faults(case: MpmCase, states: State, at: int, count: int) -> Iterator[SimulationFault]:
     """The first fault of each kind among the first `count` states, and what broke the one after them."""
     scene = case.setup.scene
     x = np.asarray(states.x)[:count]
@@ -207,9 +207,9 @@ def _faults(case: MpmCase, states: State, at: int, count: int) -> Iterator[Fault
         yield _fault("not finite", at, (count, particle), f"has no finite {', '.join(names)}")
 
 
-def _fault(kind: Kind, at: int, found: tuple[int, ...], text: str) -> Fault:
+def _fault(kind: Kind, at: int, found: tuple[int, ...], text: str) -> SimulationFault:
     substep, particle = at + found[0], found[1]
-    return Fault.after(kind, substep, particle, f"particle {particle} {text}")
+    return SimulationFault.after(kind, substep, particle, f"particle {particle} {text}")
 
 
 def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:

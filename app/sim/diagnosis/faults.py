@@ -28,7 +28,7 @@ StateT = TypeVar("StateT", bound=ObjectState)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class SimulationFault:
     """The first of its kind: after `step` steps, at the particle, node or segment `index`, in words."""
 
     kind: str
@@ -37,7 +37,7 @@ class Fault:
     words: str
 
     @classmethod
-    def after(cls, kind: str, step: int, index: int, text: str, *, unit: str = "substep") -> "Fault":
+    def after(cls, kind: str, step: int, index: int, text: str, *, unit: str = "substep") -> "SimulationFault":
         """Fault in words that begin with the step: `text` is the rest of the sentence, without its full stop."""
         plural = unit if step == 1 else f"{unit}s"
         return cls(kind=kind, step=step, index=index, words=f"After {step} {plural} {text}.")
@@ -57,7 +57,7 @@ class Autopsy(Generic[TraceT, StateT]):
     unit: str
     failed: int | None
     objection: str | None
-    faults: tuple[Fault, ...]
+    faults: tuple[SimulationFault, ...]
     advice: Mapping[str, str]
     trace: TraceT
     last: StateT

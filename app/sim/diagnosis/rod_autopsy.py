@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.errors import ParameterError
-from app.sim.diagnosis.faults import KEPT, Autopsy, Fault
+from app.sim.diagnosis.faults import KEPT, Autopsy, SimulationFault
 from app.sim.rods.checks import ROWS, RodSetup, out_of_domain, require_rod_inputs, require_rod_shapes
 from app.sim.rods.domain import ROOM_M, are_whole, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
@@ -143,7 +143,7 @@ def dissect_rod(case: RodCase) -> Autopsy[RodTrace, RodState]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_rod_shapes(case.setup, case.physics, case.phi, case.state, case.tool, case.setting)
     view = _view(case)
-    faults: dict[str, Fault] = {}
+    faults: dict[str, SimulationFault] = {}
     for fault in _faults(view):
         faults.setdefault(fault.kind, fault)
     return Autopsy(
@@ -236,7 +236,7 @@ def _failures(view: _View) -> Iterator[int]:
         yield 0
 
 
-def _faults(view: _View) -> Iterator[Fault]:
+def _faults(view: _View) -> Iterator[SimulationFault]:
     """The first fault of each kind among the states, and what broke the one after them."""
     if len(view.nodes):
         yield from _faults_of_rope(view)
@@ -249,7 +249,7 @@ def _faults(view: _View) -> Iterator[Fault]:
         yield _fault("not finite", len(view.nodes), node, f"node {node}{where} has no finite {names}")
 
 
-def _faults_of_rope(view: _View) -> Iterator[Fault]:
+def _faults_of_rope(view: _View) -> Iterator[SimulationFault]:
     scene, nodes = view.case.setup.scene, view.nodes
     speed, share = _speeds(view), _strains(view)
     if found := first(speed * scene.dt_s > scene.radius_m):
@@ -273,7 +273,7 @@ def _faults_of_rope(view: _View) -> Iterator[Fault]:
             break
 
 
-def _faults_of_finger(view: _View) -> Iterator[Fault]:
+def _faults_of_finger(view: _View) -> Iterator[SimulationFault]:
     gap = _gaps(view)
     if view.pressed_m > PRESSED_M:
         j, pressed_mm = int(np.argmin(_distances(view)[0])), 1e3 * view.pressed_m
@@ -290,11 +290,11 @@ def _faults_of_finger(view: _View) -> Iterator[Fault]:
         yield _fault("passed through", k + 1, j, text)
 
 
-def _fault(kind: Kind, step: int, index: int, text: str) -> Fault:
-    return Fault.after(kind, step, index, text, unit="step")
+def _fault(kind: Kind, step: int, index: int, text: str) -> SimulationFault:
+    return SimulationFault.after(kind, step, index, text, unit="step")
 
 
-def _at_node(view: _View, kind: Kind, found: tuple[int, ...], text: str) -> Fault:
+def _at_node(view: _View, kind: Kind, found: tuple[int, ...], text: str) -> SimulationFault:
     k, i = found
     return _fault(kind, k, i, f"node {i} at {words(view.nodes[k, :2, i])} m {text}")
 

@@ -1,4 +1,4 @@
-"""Verdict on a centreline: its fit to a cloud as a rod of known length and radius, and its defects."""
+"""Quality of a centreline: its fit to a cloud as a rod of known length and radius, and its defects."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ _ENDS_MEET = 2.8
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdict:
+class CentrelineQuality:
     """Quality of the best centreline through a cloud.
 
     `residual_m`: root of the mean squared distance of points from it, each as far as it is beyond what a tube explains;
@@ -78,7 +78,7 @@ def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
     return ""
 
 
-def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Verdict:
+def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> CentrelineQuality:
     """The best centreline through `x`, and what speaks against it. `near`: see `traced`.
 
     Raises PerceptionError where there is nothing to fit: too few points, or not finite.
@@ -87,7 +87,7 @@ def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
     found = traced(x, rope, near)
     along, squared = places(found.line[None], x[:, :2].astype(np.float64))
     beyond = np.clip(np.sqrt(squared[0]) - rope.radius_m, 0.0, None)
-    verdict = Verdict(
+    verdict = CentrelineQuality(
         line=found.line,
         residual_m=float(np.sqrt(np.mean(beyond**2))),
         unexplained=float(np.mean(np.sqrt(squared[0]) > _EXPLAINED * rope.radius_m)),
@@ -110,7 +110,7 @@ def _check_points(x: Points, rope: RopeShape) -> None:
         raise PerceptionError(f"{broken} of {len(x)} points of the rope are not finite; look again.")
 
 
-def _problems(x: Points, rope: RopeShape, verdict: Verdict) -> Iterator[str]:
+def _problems(x: Points, rope: RopeShape, verdict: CentrelineQuality) -> Iterator[str]:
     """Sentences, the gravest first."""
     pieces = _pieces(x, rope)
     yield from _off_the_table(x, rope)
