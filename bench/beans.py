@@ -9,7 +9,7 @@ import tyro
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
-from app.evaluation.play import EpisodeStep, EvaluationConfig, Eyes, play
+from app.evaluation.episode import EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.tasks import load, nominal_model
 from app.tasks.aim import SuccessCriterion

@@ -23,7 +23,7 @@ from app.core.messages import Transition
 from app.policy.base import AWAY, Now
 from app.sim.model.params import index
 from app.tasks import Task, load, nominal_model
-from app.tasks.compiled import advance
+from app.tasks.jit_cache import advance
 from bench.table import Table
 
 

@@ -22,7 +22,8 @@ from app.policy.base import AWAY
 from app.sim.model.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
-from app.tasks import compiled, load, nominal_model
+from app.tasks import jit_cache as compiled
+from app.tasks import load, nominal_model
 from app.tasks.base import Task
 
 TASK: Final = load("rope_push@rods")

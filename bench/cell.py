@@ -21,7 +21,7 @@ from rich.text import Text
 
 from app.commands._episode import code_version
 from app.core.errors import DipacError
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.core.messages import ArmState, Particles
 from app.recording.read.reader import read_messages
 

@@ -18,8 +18,8 @@ from rich.table import Table
 
 from app.core.geometry.track import Track
 from app.core.types import Points
-from app.policy.strokes import PushDesign
-from app.rig.simulated.rehearsal import rehearse
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.rods.geometry.arc_length import arclength_labels
 from app.sim.rods.geometry.centreline import RopeShape, Weighted, through

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial import KDTree
 
-from app.core.system.native import load_open3d
+from app.core.system.shared_libraries import load_open3d
 from app.core.types import Cloud
 from app.perception.cloud.depth import deproject
 from app.perception.cloud.fuse import merge, without_outliers

@@ -27,7 +27,8 @@ from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
 from app.sim.tools.box import BoxCollider, GripperCollider
-from app.tasks import compiled, load
+from app.tasks import jit_cache as compiled
+from app.tasks import load
 
 GRADIENT_STEPS = 10
 SUBSTEPS = 20

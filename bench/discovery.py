@@ -17,9 +17,9 @@ from typing import Any
 from rich.console import Console
 
 from app.core.errors import UsageError
-from app.evaluation.ledger import append
+from app.evaluation.results_log import append
 from app.evaluation.workers import Where, finished
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from app.evaluation import ledger
+from app.evaluation import results_log as ledger
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown
 

@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 from app.core.errors import PerceptionError
 from app.core.messages import Frame
 from app.core.motion import pointing_down
-from app.perception.body.steady import JUMP_M, steadied
+from app.perception.body.temporal_depth_filter import JUMP_M, steadied
 from app.perception.cloud.depth import nearest
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras

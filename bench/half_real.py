@@ -20,9 +20,9 @@ from rich.table import Table
 
 from app.discovery.dataset.study import Study
 from app.evaluation.intervals import share
-from app.evaluation.ledger import lines
-from app.policy.strokes import PushDesign
-from app.tasks.doubted import subject_of
+from app.evaluation.results_log import lines
+from app.policy.random_pushes import PushDesign
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.known_errors import effect_of, with_error
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict_on

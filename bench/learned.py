@@ -11,7 +11,7 @@ import tyro
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from app.evaluation import ledger
+from app.evaluation import results_log as ledger
 from app.evaluation.curves import draw
 from app.evaluation.figure import save
 from app.evaluation.scores import MM2, Score, scores

@@ -20,14 +20,14 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
+from app.core.geometry.arm_geometry import ArmShape, Limb, Posture
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.limbs import ArmShape, Limb, Posture
-from app.core.geometry.stage import Colour, Obstacle, Stage, Vector
+from app.core.geometry.scene_description import Colour, Obstacle, Stage, Vector
 from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import Cloud, Points
-from app.perception.cloud.memory import Memory
+from app.perception.cloud.occlusion_memory import Memory
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.cameras.render import render

@@ -17,12 +17,12 @@ from scipy.interpolate import CubicSpline
 
 from app.core.geometry.track import Track
 from app.core.types import Cloud, Points
-from app.discovery.apparatus.base import Eye
+from app.discovery.dataset.model_under_test import Theta
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import Theta
 from app.discovery.residuals.predict import Predictor, resisting
+from app.discovery.sensor_actuator_errors.base import Eye
 from app.perception.body.resample import resample
-from app.policy.strokes import REGION, PushDesign, midway_s, random_track
+from app.policy.random_pushes import REGION, PushDesign, midway_s, random_track
 from app.sim.effects.base import Effect
 from app.sim.model.catalogue import EFFECTS
 from app.sim.model.params import PARAMETERS, acting, columns_of

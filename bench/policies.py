@@ -20,7 +20,7 @@ from app.policy.learned.examples import Examples
 from app.policy.learned.train import Progress, TrainingSettings, learn
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.compiled import nominal_model
+from app.tasks.jit_cache import nominal_model
 from app.tasks.teaching import lessons, simulator
 
 _STEPS: Final = {"bc": 2000, "act": 1500, "diffusion": 900, "transporter": 600, "ild": 80}

@@ -23,18 +23,18 @@ from app.commands._named import full_name
 from app.core.types import Points
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.soundness import model_limits
+from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Subject, Theta, catalogue
 from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out, is_sized
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.case import Blame, Limit
-from app.discovery.results.conclude import ranking_of, verdict_of
 from app.discovery.results.gain import error_mm
+from app.discovery.results.verdict import ranking_of, verdict_of
 from app.discovery.unexplained.formula import Opened
-from app.discovery.unexplained.leftover import Leftover
+from app.discovery.unexplained.residual_test import Leftover
 from app.tasks import load
-from app.tasks.doubted import doubted_in
+from app.tasks.discovery_subject import doubted_in
 from bench import real_pushes
 from bench.hidden.known_errors import with_error
 from bench.leave_one_out import paired

@@ -18,8 +18,8 @@ from app.commands.import_ import import_
 from app.core.errors import UsageError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
+from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Catalogue, Cause, Theta, catalogue
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.residuals.sensitivity import Step, moved
 from app.services.study import read_study

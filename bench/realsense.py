@@ -22,8 +22,8 @@ from rich.table import Table
 from app.config import Site
 from app.core.geometry.camera import CameraModel
 from app.rig.realsense.camera import RealSenseCamera
+from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera

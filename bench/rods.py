@@ -23,10 +23,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import least_squares
 
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.discovery.residuals.centreline_noise import smooth_noise
-from app.policy.strokes import PushDesign
-from app.rig.simulated.rehearsal import PushSample, push_again, rehearse
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.push_session import PushSample, push_again, rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS
 from app.rig.simulated.worlds.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout

@@ -13,13 +13,13 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
+from app.discovery.dataset.model_under_test import Subject, catalogue
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import Subject, catalogue
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.gain import error_mm
-from app.policy.strokes import PushDesign
-from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.push_session import StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
@@ -27,7 +27,7 @@ from app.sim.materials.rope import RopeMaterial
 from app.sim.model.scene import Scene
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 
 SEEDS = (1, 2, 3)
 PLAN = PushDesign(episodes=3, pushes=6)

@@ -29,7 +29,7 @@ from app.core.dialogue.requests import GoalRequest, Request
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
 from app.core.system.worker import Worker
 from app.flow import Flow
-from app.recording.library.studio import open_studio
+from app.recording.library.session_recorder import open_studio
 from app.recording.read.reader import read_messages
 from app.recording.write.preflight import Room
 from app.tasks import Task, load

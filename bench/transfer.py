@@ -17,8 +17,8 @@ from app.config import Site
 from app.core.messages import Model
 from app.core.motion import Motion
 from app.core.types import ColourImage
-from app.evaluation import ledger
-from app.evaluation.play import EvaluationConfig, play
+from app.evaluation import results_log as ledger
+from app.evaluation.episode import EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
 from app.planner.method import DIPAC, PAPER, Method
 from app.recording.exchange.model_file import load_model

@@ -17,9 +17,9 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
+from app.core.geometry.arm_geometry import Posture
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.limbs import Posture
-from app.core.geometry.stage import Obstacle
+from app.core.geometry.scene_description import Obstacle
 from app.core.types import ToolPose
 from app.perception.reconstruct import Known, Reconstructed, reconstruct
 from app.rig.simulated.kinds import kind_of

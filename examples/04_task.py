@@ -11,9 +11,9 @@ import numpy as np
 import tyro
 
 from app.core.dialogue.words import millimetres
-from app.core.geometry.stage import Rope
+from app.core.geometry.scene_description import Rope
 from app.core.types import Points
-from app.evaluation.play import EpisodeResults, EvaluationConfig, play
+from app.evaluation.episode import EpisodeResults, EvaluationConfig, play
 from app.planner.method import DIPAC
 from app.tasks import add, load, named, nominal_model
 from app.tasks.base import Nodes

@@ -15,7 +15,7 @@ from app.planner.search.tree import first_action
 from app.policy.base import Now
 from app.policy.learned.kinds import load as load_kind
 from app.policy.learned.train import TrainingSettings, learn
-from app.recording.library.taught import read_taught
+from app.recording.library.demonstrations import read_taught
 from app.tasks import load
 from app.tasks.teaching import examples, lessons
 

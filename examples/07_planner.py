@@ -18,7 +18,8 @@ from app.planner.search.optimise import Descended, Descent, Evaluate, select
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Rollout, Search
-from app.tasks import compiled, load, nominal_model
+from app.tasks import jit_cache as compiled
+from app.tasks import load, nominal_model
 
 STEP = 0.5
 

@@ -12,7 +12,7 @@ from blockbuster import blockbuster_ctx
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
-from app.core.system.collector import spared_collection
+from app.core.system.gc_control import spared_collection
 from tests.needs import FIXTURES, VIRTUAL, undeclared
 from tests.shapes import check_calls
 

@@ -10,9 +10,9 @@ from typing import Any, final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.stage import Finger
+from app.core.geometry.scene_description import Finger
 from app.discovery.dataset.study import Study
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.tasks.base import Task
 from bench.hidden.ropes import RopeCase
 from tests.plain_data import offsets_of

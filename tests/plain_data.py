@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.policy.strokes import PushDesign, midway_s, random_track
+from app.policy.random_pushes import PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 

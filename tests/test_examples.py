@@ -13,7 +13,7 @@ import pytest
 from app.core.geometry.chamfer import chamfer_m2
 from app.discovery.dataset.study import Study
 from app.planner.search.budget import tree_rollouts
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.recording.exchange.model_file import load_model
 from app.recording.read.reader import read_messages, read_transitions
 from app.tasks import load

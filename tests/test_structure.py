@@ -21,7 +21,7 @@ MAX_LINES = 400
 ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
 """First words of docstrings that talk about a thing before they say what it is."""
 MAX_MODULES = 15
-ONE_FILE_EACH = {"app/commands", "app/rig/simulated/hidden", "app/sim/effects", "app/tasks"}
+ONE_FILE_EACH = {"app/commands", "app/rig/simulated/injected_effects", "app/sim/effects", "app/tasks"}
 """Folders that grow by a file with each command, effect or task."""
 CROWDED = {"app/flow": 22}
 """Other folders of more modules, and how many they have at most."""

@@ -1,6 +1,6 @@
 """Motion validation in the arm's own process before anything moves, independent of earlier checks. Pure.
 
-Each rule has a code (`core/refusal.py`); the rules are applied in the order of this file.
+Each rule has a code (`core/rejection_codes.py`); the rules are applied in the order of this file.
 """
 
 from typing import Final
@@ -13,7 +13,7 @@ from app.arm.path import route
 from app.config import Limits, Site
 from app.core.errors import MotionRefused
 from app.core.motion import Motion
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.types import ToolPath, ToolPose
 
 MAX_WAYPOINTS: Final = 1024

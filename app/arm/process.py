@@ -13,7 +13,7 @@ from app.arm.gate import begin
 from app.arm.memory import MODES, TEXT_BYTES, ArmMemory, jog_of, motion_of
 from app.config import Site
 from app.core.errors import MotionRefused
-from app.core.system.collector import spared_collection
+from app.core.system.gc_control import spared_collection
 from app.core.system.processes import ask_for_real_time
 
 Controlled: TypeAlias = Callable[[Site], Control]

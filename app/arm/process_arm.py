@@ -15,11 +15,11 @@ from app.config import Site
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
-from app.core.geometry.limbs import JointAngles
+from app.core.geometry.arm_geometry import JointAngles
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
-from app.core.refusal import Refusal
-from app.core.system.collector import paused_collection
+from app.core.rejection_codes import Refusal
+from app.core.system.gc_control import paused_collection
 from app.core.types import ToolPose
 
 _SILENCE_S = 2.0

@@ -14,18 +14,18 @@ from app.cells.base import Cell, OpenedRig, Wanted
 from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, load_cell, narrowed_by, table
 from app.config import Site
 from app.core.errors import UsageError
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.hand_eye import HandEye
-from app.core.geometry.limbs import ArmShape
-from app.core.geometry.stage import Tool
+from app.core.geometry.scene_description import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.recording.exchange.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
+from app.rig.kinova.arm_configuration_check import Holds
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.configured import Holds
 from app.rig.kinova.shape import known_gen3, tip_m
+from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.sdk.sources import Live
 from app.rig.realsense.settings import StreamSettings
 

@@ -17,17 +17,17 @@ from app.cells.base import Cell, Wanted
 from app.cells.cell_file import load_cell, narrowed_by
 from app.cells.simulated import drawn
 from app.config import Site
-from app.core.geometry.limbs import ArmShape
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.control import taken
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.process import FakeProcess
+from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
-from app.rig.kinova.seen import ArmFeedback
 from app.rig.realsense.camera import RealSenseCamera
+from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.ladder import Patience
-from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.recovery_policy import Patience
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.settings import StreamSettings

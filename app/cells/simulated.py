@@ -4,8 +4,8 @@ from contextlib import AbstractAsyncContextManager
 from typing import Final
 
 from app.cells.base import Cell, Wanted, as_it_is
-from app.core.geometry.limbs import ArmShape
-from app.core.geometry.stage import Tool
+from app.core.geometry.arm_geometry import ArmShape
+from app.core.geometry.scene_description import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Rig

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from app.config import Site
-from app.core.dialogue.doubt import Blamed, Verdict
+from app.core.dialogue.model_monitor_messages import Blamed, Verdict
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import fresh_id
 from app.core.motion import Motion
@@ -88,7 +88,7 @@ def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
     from app.core.geometry.track import Track
     from app.planner.actions.actions import Pushes
     from app.tasks import load
-    from app.tasks.asked import motion_of
+    from app.tasks.suggested_push import motion_of
 
     actions = load(task).actions
     if not isinstance(actions, Pushes):

@@ -10,7 +10,7 @@ from app.commands._checks import SETUP, Check, CheckResult, census
 from app.core.errors import DipacError
 from app.core.geometry.hand_eye import HandEye
 from app.recording.exchange.calibration_file import known_cameras
-from app.rig.kinova.look import look_at
+from app.rig.kinova.probe import look_at
 
 
 def cell_checks(file: Path) -> tuple[Check, ...]:

@@ -136,13 +136,13 @@ def _library(requirement: str) -> CheckResult:
 
 
 def _open3d() -> list[CheckResult]:
-    return [_loads("open3d loads", "from app.core.system.native import load_open3d; load_open3d()")]
+    return [_loads("open3d loads", "from app.core.system.shared_libraries import load_open3d; load_open3d()")]
 
 
 def census() -> ProbeResult:
-    """Census of the RealSense cameras on the bus, as `app.rig.realsense.sdk.bus.census` returns it."""
+    """Census of the RealSense cameras on the bus, as `app.rig.realsense.sdk.device_enumeration.census` returns it."""
     return _probe(
-        "from app.rig.realsense.sdk.bus import census\n"
+        "from app.rig.realsense.sdk.device_enumeration import census\n"
         "from app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.loaded()))"
     )
 

@@ -30,24 +30,24 @@ from app.commands._version import code_version
 from app.config import Site
 from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
-from app.core.refusal import Refusal
-from app.core.system.collector import spared_collection
+from app.core.rejection_codes import Refusal
+from app.core.system.gc_control import spared_collection
 from app.core.system.processes import in_real_time
 from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded
 from app.flow import Flow
 from app.planner.method import Method
 from app.recording.exchange.model_file import load_model
-from app.recording.library.studio import SessionRecorder, open_studio
+from app.recording.library.session_recorder import SessionRecorder, open_studio
 from app.recording.write.preflight import Room
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.goals import goal_of
-from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.tasks.probed import probed_subject
+from app.tasks.worker_api import check_model, choose_preset, shown_goal
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0

@@ -19,14 +19,14 @@ from app import __version__
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.reconstruct import reconstruct
-from app.perception.surroundings import table_points, tool_points
-from app.policy.strokes import PushDesign
-from app.recording.format.epoch import Epoch
+from app.perception.tool_and_table_points import table_points, tool_points
+from app.policy.random_pushes import PushDesign
+from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 from app.rig.simulated.cameras.cameras import CameraNoise
-from app.rig.simulated.cameras.eyes import SimulatedCameras
-from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.rehearsal import PushSample, StampedSnapshot, rehearse
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
+from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.push_session import PushSample, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks.base import Task
 

@@ -11,8 +11,8 @@ from app import __version__
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.perception.body.recount import recounted
-from app.recording.exchange.plain import Plain, PlainEpisode, PlainObservation
+from app.perception.body.resample_to_count import recounted
+from app.recording.exchange.npz_import import Plain, PlainEpisode, PlainObservation
 
 NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""

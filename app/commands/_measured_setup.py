@@ -11,14 +11,14 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError
-from app.core.geometry.stage import Rope
+from app.core.geometry.scene_description import Rope
 from app.core.geometry.tool_surface import ToolView, fitted_tool
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import FoundTable, MeasuredSetup, Source, SourcedSize, ToolPoints
 from app.core.task_name import TaskName
 from app.core.types import Poses
 from app.perception.cloud.table_plane import TablePlane, plane_of_clouds, plane_of_points
-from app.recording.exchange.plain import Plain, PlainEpisode, PlainObservation
+from app.recording.exchange.npz_import import Plain, PlainEpisode, PlainObservation
 from app.recording.exchange.plain_checks import half_sides
 from app.sim.rods.geometry.rope_size import rope_size
 from app.tasks import load

@@ -10,7 +10,7 @@ from app.commands._named import Dynamics
 from app.config import Limits, Site
 from app.core.bounds import checked
 from app.core.errors import PreflightError, UsageError
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.planner.method import PAPER
 from app.ui.server.tls import Tls
 

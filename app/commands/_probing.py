@@ -16,9 +16,9 @@ from app.core.task_name import recorded
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
-from app.perception.body.recount import recounted
+from app.perception.body.resample_to_count import recounted
 from app.recording.write.file import EpisodeFile
-from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot
+from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
 from app.tasks.base import Task
 from app.tasks.probed import belief, next_probe, probe_motion, probed_subject, refusal
 
@@ -121,7 +121,7 @@ class ProbedCell:
     def _aimed(self, track: Track, seen: View) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
         from app.planner.actions.actions import Pushes
-        from app.tasks.asked import aimed
+        from app.tasks.suggested_push import aimed
 
         assert isinstance(self._task.actions, Pushes)
         motion = probe_motion(self._task, track, self._site)
@@ -155,7 +155,7 @@ def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int
 
     Raises PlanningError where not one may be made; fewer are given where the rope would then leave the table.
     """
-    from app.policy.strokes import PushDesign
+    from app.policy.random_pushes import PushDesign
 
     last = study.pushes[-1]
     measured = all(push.measured is not None for push in study.pushes)

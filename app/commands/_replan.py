@@ -21,8 +21,8 @@ from app.recording.exchange.model_file import load_model
 from app.recording.read.timeline import Timeline
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
-from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
-from app.ui.parts.board import Board
+from app.tasks.worker_api import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
+from app.ui.parts.console_state import Board
 from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
 
@@ -85,7 +85,8 @@ async def replanned(
 ) -> Replanned:
     """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
-    Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.jobs.plan` raise.
+    Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.worker_api.plan`
+    raise.
     """
     seen = await to_thread.run_sync(moment, timeline, order.time_s)
     chosen, called = await _model(planner, timeline, order, seen)

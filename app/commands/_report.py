@@ -11,8 +11,8 @@ from app.commands._case import MODEL, VERDICT
 from app.core.errors import ParameterError
 from app.core.messages import Model
 from app.discovery.checks.placement import centred
+from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Catalogue, Subject, catalogue
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
 from app.recording.exchange.model_file import save_model
@@ -20,7 +20,7 @@ from app.report import show_case, verdict_json, write_report
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
-from app.tasks.doubted import doubted_in
+from app.tasks.discovery_subject import doubted_in
 from app.tasks.extended import estimated, extended_model
 
 

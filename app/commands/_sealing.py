@@ -10,8 +10,8 @@ from app import __version__
 from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
-from app.rig.simulated.hiding import InjectionRequest, described
-from app.rig.simulated.rehearsal import first_end
+from app.rig.simulated.effect_sampling import InjectionRequest, described
+from app.rig.simulated.push_session import first_end
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 

@@ -12,12 +12,12 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import PlanningError, UsageError
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
-from app.evaluation.play import Eyes
+from app.evaluation.episode import Eyes
 from app.recording.write.writer import unused
 from app.tasks import load
-from app.tasks.jobs import choose_preset
+from app.tasks.worker_api import choose_preset
 
 _TRIES = 5
 """Problems that are played for each recording, at most, where those that miss their goal are not kept."""

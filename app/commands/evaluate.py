@@ -12,11 +12,11 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
-from app.core.geometry.stage import RopeModel
-from app.evaluation import ledger
+from app.core.geometry.scene_description import RopeModel
+from app.evaluation import results_log as ledger
 from app.evaluation.curves import draw
 from app.evaluation.demonstrate import calibrated
-from app.evaluation.play import Eyes
+from app.evaluation.episode import Eyes
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
@@ -24,7 +24,7 @@ from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.recording.exchange.model_file import load_model
 from app.tasks import load, names
-from app.tasks.jobs import check_model, choose_preset
+from app.tasks.worker_api import check_model, choose_preset
 
 EPISODES: Final = "episodes.jsonl"
 _Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")]

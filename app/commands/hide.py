@@ -12,12 +12,12 @@ from app.commands._progress import counting
 from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.geometry.stage import Rope, RopeModel
+from app.core.geometry.scene_description import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
-from app.rig.simulated.hiding import check_world, draw, mistuned
+from app.rig.simulated.effect_sampling import check_world, draw, mistuned
 from app.tasks import load
 from app.tasks.base import Task
 

@@ -15,7 +15,7 @@ from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Message
 from app.core.task_name import TaskName
-from app.recording.exchange.plain import Plain, read_plain
+from app.recording.exchange.npz_import import Plain, read_plain
 from app.recording.format import digests
 from app.recording.write.file import EpisodeFile
 from app.tasks import load

@@ -18,9 +18,9 @@ from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.experiments.probe import belief_words, stop_of, stop_words
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
-from app.rig.simulated.hiding import draw, mistuned
+from app.rig.simulated.effect_sampling import draw, mistuned
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.base import Task

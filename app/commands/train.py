@@ -24,11 +24,11 @@ from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, sav
 from app.policy.learned.train import Progress, Training, TrainingSettings, begin, learn
 from app.recording.exchange.model_file import load_model
 from app.recording.format.digests import check_distinct
-from app.recording.library.shelf import counted_once
-from app.recording.library.taught import Taught, read_taught
+from app.recording.library.demonstrations import Taught, read_taught
+from app.recording.library.recording_index import counted_once
 from app.tasks import load
-from app.tasks.jobs import check_model, nominal_model
 from app.tasks.teaching import examples, lessons, simulator
+from app.tasks.worker_api import check_model, nominal_model
 
 _SAVE_EVERY = 500
 """Steps, between two checkpoints."""

@@ -8,7 +8,7 @@ import difflib
 from collections.abc import Iterable
 from typing import ClassVar, Self
 
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 
 
 class DipacError(Exception):

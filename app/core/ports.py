@@ -9,9 +9,9 @@ import anyio
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
 from app.core.dialogue.requests import Request
+from app.core.geometry.arm_geometry import ArmShape, JointAngles
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.hand_eye import HandEye
-from app.core.geometry.limbs import ArmShape, JointAngles
 from app.core.messages import ArmState, Executed, Frame, Message
 from app.core.types import ToolPose
 

@@ -16,8 +16,8 @@ from app.discovery.checks.frames import frame_tests
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centred, moved_back, reach_m
 from app.discovery.checks.soundness import model_limits
+from app.discovery.dataset.model_under_test import Subject, Theta, catalogue, setup_of
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Subject, Theta, catalogue, setup_of
 from app.discovery.experiments.next_push import next_push
 from app.discovery.inference.confusion import confusions
 from app.discovery.inference.decide import ModelSelection, Progress, decide
@@ -26,9 +26,9 @@ from app.discovery.inference.screen import Screening, arrows_of, refit, screen
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.case import Amount, Arrows, Blame, Case, Gain, Limit, Name
-from app.discovery.results.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
+from app.discovery.results.formula_text import formula_of
 from app.discovery.results.gain import gained
-from app.discovery.results.wording import formula_of
+from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
 from app.discovery.unexplained.formula import Opened, opened
 
 _ARROWS = 40

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from app.config import Site
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.core.messages import Model
-from app.evaluation.play import EvaluationConfig, Eyes, play
+from app.evaluation.episode import EvaluationConfig, Eyes, play
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
 from app.recording.exchange.model_file import load_model
-from app.tasks import jobs, load
+from app.tasks import load
+from app.tasks import worker_api as jobs
 
 if TYPE_CHECKING:  # Whoever lists trials shall not load JAX for them.
     from app.policy.learned.base import LearnedPolicy

@@ -13,7 +13,7 @@ from app.core.messages import Decision, Particles, Proposal
 from app.core.ports import Clock
 from app.core.system.channel import ChannelFull, Latest, Lossless
 from app.flow.modes import Modes
-from app.flow.sensing import Sensing
+from app.flow.perception_stage import Sensing
 
 
 @final

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.camera_calibration_messages import BoardSeen, Checked, Placed, Placing, TakenView
 from app.core.dialogue.control import ModeName
-from app.core.dialogue.placing import BoardSeen, Checked, Placed, Placing, TakenView
 from app.core.dialogue.requests import CalibrationRequest
 from app.core.errors import DeviceError, DipacError, PerceptionError, UsageError
 from app.core.geometry.charuco import Charuco
@@ -23,7 +23,7 @@ from app.core.ports import CameraShelf, Clock, Rig
 from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.core.types import Transform
-from app.flow.resting import rested
+from app.flow.wait_until_still import rested
 from app.perception.calibration.assess import Assessment, Target, assess
 from app.perception.calibration.drift import drift
 from app.perception.calibration.se3 import angle, inverse, transform

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Literal, final
 
 from app.core.announcer import Announcer
+from app.core.dialogue.demonstration_messages import Take, TakeState
 from app.core.dialogue.requests import ClipRequest, TakeRequest
-from app.core.dialogue.takes import Take, TakeState
 from app.core.errors import DipacError
 from app.core.messages import Message, Transition, fresh_id
 from app.core.ports import Clock, Studio

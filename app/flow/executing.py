@@ -9,8 +9,8 @@ from app.core.dialogue.summary import Summary
 from app.core.errors import MotionRefused
 from app.core.messages import Executed
 from app.core.ports import Clock, Rig
-from app.flow.holding import Holding
 from app.flow.planning import FAILURES_IN_A_ROW
+from app.flow.stop_latch import Holding
 
 
 @final

@@ -45,26 +45,26 @@ from app.core.messages import (
     Transition,
 )
 from app.core.ports import CameraShelf, Clock, Operator, Recorder, Rig, Studio
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.system.channel import ChannelFull, Lossless
 from app.core.system.worker import Worker
 from app.core.types import Points
-from app.flow.aiming import Aiming
 from app.flow.approving import Approving
 from app.flow.calibrating import Calibrating
 from app.flow.demonstrating import Demonstrating
 from app.flow.executing import Executing
-from app.flow.holding import Holding
-from app.flow.learning import Learning
+from app.flow.goals import Aiming
+from app.flow.model_monitor import ExecutedPush, Watching
+from app.flow.model_updates import Learning
 from app.flow.modes import Modes
+from app.flow.perception_stage import Sensing
 from app.flow.planning import Planning
 from app.flow.preflight import Preflight
 from app.flow.probing import Probing
 from app.flow.reporting import Reporting
-from app.flow.resting import rested
-from app.flow.sensing import Sensing
+from app.flow.stop_latch import Holding
 from app.flow.stopping import EXHAUSTED, StoppingRule
-from app.flow.watching import ExecutedPush, Watching
+from app.flow.wait_until_still import rested
 from app.tasks.base import EpisodeConfig
 
 _CHORES = 8

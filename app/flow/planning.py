@@ -17,11 +17,11 @@ from app.core.ports import Clock
 from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.core.types import Centreline, Points, ToolPose
-from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.flow.probing import Probing
+from app.flow.suggested_push import Asking
 from app.tasks.base import EpisodeConfig
-from app.tasks.jobs import (
+from app.tasks.worker_api import (
     RECENT,
     doubt,
     nominal_model,

@@ -13,8 +13,8 @@ from app.core.dialogue.control import Lease
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, fresh_id
 from app.core.ports import Clock, Rig
-from app.flow.holding import Holding
-from app.flow.sensing import Sensing
+from app.flow.perception_stage import Sensing
+from app.flow.stop_latch import Holding
 
 _PERIOD_S: Final = 0.5
 _SIGHT: Final = ("cameras", "calibration", "object")

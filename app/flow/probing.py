@@ -12,7 +12,7 @@ from app.core.messages import Particles, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Clock
 from app.core.system.worker import Worker
-from app.flow.sensing import Sensing
+from app.flow.perception_stage import Sensing
 from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
 

@@ -11,9 +11,9 @@ from app.core.messages import ArmState, Health, fresh_id
 from app.core.ports import Clock, Rig
 from app.core.system.disk import free_bytes
 from app.flow.approving import Approving
-from app.flow.learning import Learning
+from app.flow.model_updates import Learning
 from app.flow.modes import Modes
-from app.flow.sensing import Sensing
+from app.flow.perception_stage import Sensing
 
 _LIVELY = 5
 """States of the arm in a period, while it is moved by hand."""

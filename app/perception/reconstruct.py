@@ -10,21 +10,21 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
-from app.core.geometry.limbs import ArmShape, Posture
+from app.core.geometry.arm_geometry import ArmShape, Posture
 from app.core.messages import Frame
-from app.core.system.native import load_open3d
+from app.core.system.shared_libraries import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
-from app.perception.body.carried import carried
 from app.perception.body.fill import Solid, Underside, fill, points_inside
+from app.perception.body.floating_pieces import Swimming
+from app.perception.body.occluded_motion import carried
 from app.perception.body.resample import resample
-from app.perception.body.steady import steadied
-from app.perception.body.swimming import Swimming
+from app.perception.body.temporal_depth_filter import steadied
 from app.perception.body.vessels import Pool, Vessel, level_of
 from app.perception.cloud.fuse import Box
 from app.perception.cloud.hull import Hull, hull
-from app.perception.cloud.look import Some, ViewDiagnostics
-from app.perception.cloud.memory import NOTHING, Memory, beside, recalled, renewed
-from app.perception.cloud.shadow import pieces, shadow
+from app.perception.cloud.occlusion_memory import NOTHING, Memory, beside, recalled, renewed
+from app.perception.cloud.robot_mask import pieces, shadow
+from app.perception.cloud.view_diagnostics import Some, ViewDiagnostics
 from app.perception.cloud.views import ObjectView, Sieve, surface, told, view
 from app.perception.mask.segment import ByColour, Segmenter
 

@@ -38,7 +38,7 @@ class ScriptedCarry:
 
     `rack_y_m`: middle of the rack; `half_m`: half of the band that the fingers keep out of; `low_m`: fingers
     that grasp; `inset_m`: from the edge; `openings_m`: closed and open; `steps_m`: the longest move and the greatest
-    change of the opening in one. Returns actions of `moves` moves (see `app.planner.actions.carries.Carries`).
+    change of the opening in one. Returns actions of `moves` moves (see `app.planner.actions.carry_actions.Carries`).
     """
 
     rack_y_m: float

@@ -30,7 +30,7 @@ class ScriptedSweep:
     starts up to `far_m` from there. Each particle outside the goal that lies in its way gains how far outside it is,
     and `worth_m` for being outside at all; less towards the ends of the paddle, over `edge_m`, and less the longer the
     paddle has to take it along: a share of 1/e is left after `keep_m`. Returns actions as
-    `app.planner.actions.sweeps.Sweeps` has them.
+    `app.planner.actions.sweep_actions.Sweeps` has them.
 
     `angles` directions leave no gap that a paddle of 10 cm does not cover within 25 cm of the middle. To aim better is
     the planner's part.

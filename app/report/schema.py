@@ -9,7 +9,7 @@ from typing import Annotated, Literal, final
 import msgspec
 from msgspec import Meta, Struct
 
-from app.discovery.dataset.subject import Family
+from app.discovery.dataset.model_under_test import Family
 from app.discovery.results.case import Name as Verdict
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.messages import Frame, MessageId, Particles, Sighting, fresh_id
-from app.perception.surroundings import table_points, tool_points
+from app.perception.tool_and_table_points import table_points, tool_points
 from app.recording.read.reader import read_messages
 from app.tasks.base import Task
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.tasks.base import Preset, Task
-from app.tasks.jobs import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks.worker_api import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
 
 __all__ = [
     "Preset",

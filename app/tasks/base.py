@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from app.core.bounds import checked
 from app.core.errors import UsageError
-from app.core.geometry.stage import Finger, Rope, Stage
+from app.core.geometry.scene_description import Finger, Rope, Stage
 from app.core.messages import Proposal, fresh_id
 from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
@@ -21,7 +21,7 @@ from app.tasks.sizes import resized
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
 
-    from app.core.dialogue.doubt import Verdict
+    from app.core.dialogue.model_monitor_messages import Verdict
     from app.core.messages import Episode, Goal, Model, Particles
     from app.core.motion import Motion
     from app.perception.reconstruct import Reconstruction
@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.planner.search.plan import Plan
     from app.planner.search.tree import Begin
     from app.policy.base import Policy
-    from app.policy.pictures import OrthographicView
+    from app.policy.orthographic_views import OrthographicView
     from app.policy.symmetry import Symmetry
     from app.sim.model.scene import Scene
     from app.sim.parameter import ParameterSpec
@@ -263,7 +263,7 @@ class Task:
     @property
     def views(self) -> tuple[OrthographicView, ...]:
         """Views of policies that look: the whole reach of actions from above, and from the side if the task has one."""
-        from app.policy.pictures import OrthographicView
+        from app.policy.orthographic_views import OrthographicView
 
         (x0, y0, z0), (x1, y1, z1) = self.actions.reach
         if self.symmetry.turns and not any(self.symmetry.shift_m):

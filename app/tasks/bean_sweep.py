@@ -4,9 +4,9 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Beans, Mat, Paddle, Stage
+from app.core.geometry.scene_description import Beans, Mat, Paddle, Stage
 from app.perception.reconstruct import Reconstruction
-from app.planner.actions.sweeps import Sweeps
+from app.planner.actions.sweep_actions import Sweeps
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import Descent
 from app.policy.scripted_sweep import ScriptedSweep

@@ -4,13 +4,13 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Cloth, Gripper, Rack, Stage
+from app.core.geometry.scene_description import Cloth, Gripper, Rack, Stage
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.planner.actions.carries import Carries, KeptClear
+from app.planner.actions.carry_actions import Carries, KeptClear
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import Descent
-from app.policy.pictures import OrthographicView
+from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
 from app.sim.materials.cloth import ClothMaterial

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from app.config import Workspace
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.stage import Rope
+from app.core.geometry.scene_description import Rope
 from app.core.types import Points
 from app.tasks.base import Nodes
 

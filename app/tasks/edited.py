@@ -9,7 +9,7 @@ import numpy as np
 from app.config import Site
 from app.core.errors import PlanningError
 from app.core.geometry.orientation import UNKNOWN, Orientation
-from app.core.reshaped import reshaped
+from app.core.path_similarity_transform import reshaped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,10 +46,11 @@ def edited_plan(
     from dataclasses import replace
 
     from app.planner.actions.actions import Pushes
-    from app.planner.given import GivenPush
+    from app.planner.manual_plan import GivenPush
     from app.planner.search.request import PlanRequest
-    from app.tasks import compiled, load, rope_orientation
-    from app.tasks.correction import correction
+    from app.tasks import jit_cache as compiled
+    from app.tasks import load, rope_orientation
+    from app.tasks.apparatus_compensation import correction
 
     pushes, where = load(task).actions, site or Site()
     if not isinstance(pushes, Pushes):

@@ -14,10 +14,10 @@ from app.core.messages import Transition
 from app.planner.search.failure import failed_action
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Search
-from app.sim.diagnosis.autopsy import MpmCase, single
 from app.sim.diagnosis.dump import Dump, leave_dump
+from app.sim.diagnosis.failure_diagnosis import MpmCase, single
 from app.sim.diagnosis.object_state import ObjectState
-from app.sim.diagnosis.rod_autopsy import RodCase, single_rod
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase, single_rod
 from app.sim.model.catalogue import EFFECTS
 from app.sim.rods.checks import RodSetup
 from app.sim.rods.from_parameters import rod_columns, rod_physics
@@ -25,7 +25,7 @@ from app.sim.rods.state import RodState
 from app.sim.runtime.checks import Arrays, Setup
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.compiled import needs, now, rod_now
+from app.tasks.jit_cache import needs, now, rod_now
 
 DUMPS = 3
 """Largest number of dumps by one process, about 50 kB each: later failures are alike."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.errors import UsageError
-from app.core.geometry.solid import inside
+from app.core.geometry.fixture_collision import inside
 from app.core.types import Points
 from app.tasks.base import Task
 

@@ -5,7 +5,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from app.core.geometry.stage import Obstacle, Rope
+from app.core.geometry.scene_description import Obstacle, Rope
 from app.core.types import Points
 from app.tasks.base import Nodes
 from app.tasks.curves import fill_tube

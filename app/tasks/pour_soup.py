@@ -7,8 +7,8 @@ lighter than the broth.
 from dataclasses import replace
 
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Liquid, Pieces, Soup
-from app.perception.body.swimming import Swimming
+from app.core.geometry.scene_description import Liquid, Pieces, Soup
+from app.perception.body.floating_pieces import Swimming
 from app.tasks.aim import InBowl
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET
 from app.tasks.pour_water import TASK as POUR_WATER

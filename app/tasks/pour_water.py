@@ -7,14 +7,14 @@ for half a second, and then waits for what flows. So an episode has about ten de
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Stage
+from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Stage
 from app.perception.body.vessels import Vessel
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.planner.actions.pours import Pours
+from app.planner.actions.pour_actions import Pours
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import Descent
-from app.policy.pictures import OrthographicView
+from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
 from app.tasks.aim import InBowl

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.bowls import cap_depth_m
-from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Soup
+from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Soup
 from app.core.types import Cloud, Points
 from app.perception.body.resample import resample
 from app.sim.materials.elastic import Elastic

@@ -15,8 +15,8 @@ from app.arm.gate import check_motion, way
 from app.arm.path import raised
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
-from app.core.geometry.stage import Rope
-from app.perception.body.recount import recounted
+from app.core.geometry.scene_description import Rope
+from app.perception.body.resample_to_count import recounted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from app.core.geometry.track import Track
     from app.core.motion import Motion
     from app.core.types import Points
+    from app.discovery.dataset.model_under_test import Subject
     from app.discovery.dataset.study import Push, Study, View
-    from app.discovery.dataset.subject import Subject
     from app.discovery.experiments.probe import Belief
     from app.discovery.experiments.probe_pushes import Probe, PushSituation
-    from app.policy.strokes import PushDesign
+    from app.policy.random_pushes import PushDesign
     from app.tasks.base import Task
 
 
@@ -48,7 +48,7 @@ def unprobed(task: Task) -> str:
 
 def probed_subject(task: Task) -> Subject:
     """The simulator that experiments are about. Raises UsageError for a task without them."""
-    from app.tasks.doubted import subject_of
+    from app.tasks.discovery_subject import subject_of
 
     if why := unprobed(task):
         raise UsageError(why)
@@ -135,7 +135,7 @@ def chosen_motion(
     Raises PlanningError where none may be made.
     """
     from app.discovery.dataset.study import View
-    from app.policy.strokes import PushDesign
+    from app.policy.random_pushes import PushDesign
     from app.tasks import load
 
     data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weighed` or of this.
@@ -182,7 +182,7 @@ def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Push
 def probe_motion(task: Task, track: Track, site: Site) -> Motion:
     """A chosen push as a motion that the gate can check."""
     from app.planner.actions.actions import Pushes
-    from app.tasks.asked import motion_of
+    from app.tasks.suggested_push import motion_of
 
     assert isinstance(task.actions, Pushes)
     return motion_of(track, task.actions, site)

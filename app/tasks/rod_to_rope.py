@@ -5,10 +5,10 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Finger, Rope, Stage
+from app.core.geometry.scene_description import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.actions import Pushes
-from app.planner.actions.passage import Passage
+from app.planner.actions.gap_cost import Passage
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import Descent
 from app.policy.scripted_gap import ScriptedGap

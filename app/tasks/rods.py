@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from app.core.geometry.stage import Finger, Rope
+from app.core.geometry.scene_description import Finger, Rope
 from app.sim.rods.scene import RodScene, Wall
 from app.tasks.base import Preset, RodDynamics
 

@@ -18,7 +18,8 @@ from app.discovery.residuals.steppers import is_flung
 from app.planner.search.tree import Advance
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.model.params import odd_values, with_orientation
-from app.tasks import compiled, load
+from app.tasks import jit_cache as compiled
+from app.tasks import load
 
 
 def oriented_phi(

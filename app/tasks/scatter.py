@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import qmc
 
-from app.core.geometry.stage import Beans, Mat
+from app.core.geometry.scene_description import Beans, Mat
 from app.core.types import Points
 from app.tasks.base import Nodes
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.ndimage import map_coordinates
 
-from app.core.geometry.stage import Cloth, Rack
+from app.core.geometry.scene_description import Cloth, Rack
 from app.core.types import Points
 from app.perception.body.resample import resample
 from app.tasks.base import Nodes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from app.core.bounds import checked
 from app.core.errors import UsageError
-from app.core.geometry.stage import Finger, Rope
+from app.core.geometry.scene_description import Finger, Rope
 from app.core.task_name import TaskName
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from app.planner.method import DIPAC, Method
 from app.policy.base import AWAY
 from app.sim.model.params import with_orientation
 from app.tasks import load
-from app.tasks.compiled import calibrator, nominal_model, phi_of, planner
+from app.tasks.jit_cache import calibrator, nominal_model, phi_of, planner
 
 
 @final

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.bowls import cap_depth_m
-from app.core.geometry.stage import Bowl, HeldBowl, Pieces, Soup
+from app.core.geometry.scene_description import Bowl, HeldBowl, Pieces, Soup
 from app.core.types import Points
+from app.perception.body.floating_pieces import Swimming
 from app.perception.body.resample import resample
-from app.perception.body.swimming import Swimming
 from app.tasks.base import Nodes
 from app.tasks.pouring import aside_m, pool_points
 

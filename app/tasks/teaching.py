@@ -12,7 +12,7 @@ from app.policy.learned.base import LearnedPolicy, Lessons, TrainingSimulator
 from app.policy.learned.examples import Examples
 from app.policy.learned.file import load_policy
 from app.tasks.base import Task
-from app.tasks.compiled import carried, needs, phi_of
+from app.tasks.jit_cache import carried, needs, phi_of
 
 
 def lessons(task: Task, world: TrainingSimulator | None = None) -> Lessons:

@@ -6,10 +6,10 @@ import numpy as np
 import viser
 
 from app.config import Workspace
-from app.ui.hand import Hand
-from app.ui.parts.board import Board
-from app.ui.parts.desk import Desk
-from app.ui.server.doorkeeper import AIM
+from app.ui.jog_socket import Hand
+from app.ui.parts.console_state import Board
+from app.ui.parts.operator_controller import Desk
+from app.ui.server.message_validation import AIM
 
 _SCALE_M: Final = 0.09
 

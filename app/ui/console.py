@@ -19,21 +19,21 @@ from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Message
 from app.core.system.channel import Lossless
 from app.ui.aim import TargetHandle
-from app.ui.goals.inbox import Inbox
-from app.ui.hand import Hand, HandLine
+from app.ui.goals.goal_upload import Inbox
+from app.ui.jog_socket import Hand, HandLine
 from app.ui.panel import Panel
 from app.ui.parts import cards
-from app.ui.parts.badges import Badges
-from app.ui.parts.board import Board
-from app.ui.parts.desk import Desk
+from app.ui.parts.console_state import Board
+from app.ui.parts.operator_controller import Desk
+from app.ui.parts.session_keys import Badges
 from app.ui.playback import Playback
 from app.ui.player import Player
 from app.ui.server import proxy
 from app.ui.server.access import LOOPBACK, Access
-from app.ui.server.backstage import Backstage
 from app.ui.server.page import Cell, Page
 from app.ui.server.tls import Tls
-from app.ui.view.painter import Painter
+from app.ui.server.viser_host import Backstage
+from app.ui.view.render_loop import Painter
 from app.ui.view.scene import ConsoleScene
 
 _REQUESTS_BOUND = 1000

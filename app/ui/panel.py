@@ -9,15 +9,15 @@ from viser import theme
 from app.config import Timing
 from app.ui.goals import GoalTab
 from app.ui.parts import cards
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import DecisionForm
-from app.ui.parts.desk import Desk
 from app.ui.parts.drift import DriftMeter
+from app.ui.parts.operator_controller import Desk
 from app.ui.parts.plots import Plots
 from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
-from app.ui.tabs import doubt
+from app.ui.tabs import model_monitor_panel as doubt
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.checklist import ChecklistForm
 from app.ui.tabs.demonstrations import DemonstrationForm

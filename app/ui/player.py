@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, final
 
 from app.core.messages import Message
-from app.recording.read.marks import Mark
+from app.recording.read.event_index import Mark
 from app.ui.replanning import Replanned, ReplanRequest
 
 FASTEST: Final = math.inf

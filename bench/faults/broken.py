@@ -8,8 +8,8 @@ from typing import Final, Literal, TypeAlias, final, get_args
 import anyio
 import numpy as np
 
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.limbs import ArmShape
 from app.core.messages import Frame
 from app.core.ports import Arm, Camera, Posed, Rig
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from app.config import Limits, Site
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.control import taken
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
 from bench.faults.__main__ import table
 from bench.faults.application import FAULTS, Doing
 from bench.faults.inject import Motion, Others, Outcome, faults, subject

@@ -37,7 +37,7 @@ from app.core.system.channel import ChannelFull, Lossless
 from app.core.system.processes import process
 from app.core.system.worker import Worker
 from app.flow import Flow
-from app.recording.library.studio import open_studio
+from app.recording.library.session_recorder import open_studio
 from app.recording.write.preflight import Room
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig

@@ -1,6 +1,6 @@
 """Stand-ins for the solvers, so that nothing compiles: a planner of strokes, and faults of its results.
 
-The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.jobs`). A
+The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.worker_api`). A
 task's compiled functions, and perception's results, belong to each process: there they are replaced by these.
 """
 
@@ -33,7 +33,7 @@ _TOO_MANY: Final = 1_000_000
 def stand_in(plans: Plans = "sound") -> None:
     """Plan, from now on and in this process, corrupted strokes as fast as the site allows, and calibrate by waiting."""
     take_up(Habits(thinking_s=_THINKING_S), partial(_fast, _SPOILT[plans]))
-    compiled = cast(Any, sys.modules["app.tasks.compiled"])
+    compiled = cast(Any, sys.modules["app.tasks.jit_cache"])
     compiled.calibrated, compiled.now = _calibrated, None
 
 

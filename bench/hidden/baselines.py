@@ -25,16 +25,16 @@ from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.decide import NAMED
 from app.discovery.inference.screen import Screening, Suspect, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.results.case import Blame
-from app.discovery.results.conclude import estimate_of
+from app.discovery.results.verdict import estimate_of
 from app.report.drawing.size import size
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 
 TITLES: Final = {"all_at_once": "all parameters at once", "bic": "BIC of single causes"}
 _MISSING: Final = 0.5

@@ -27,7 +27,7 @@ from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, features
 from app.discovery.inference.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
 from app.discovery.inference.refine import RefinedModel
@@ -35,11 +35,11 @@ from app.discovery.inference.screen import Screening, Suspect, refit, screen
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.evaluation.intervals import share
-from app.evaluation.ledger import lines
-from app.policy.strokes import PushDesign
-from app.rig.simulated.hiding import known
+from app.evaluation.results_log import lines
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import known
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Chosen, kinds, outsiders
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.ropes import RopeCase

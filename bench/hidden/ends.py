@@ -20,14 +20,15 @@ from jaxtyping import Float64
 from app.core.geometry.orientation import UNKNOWN
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.types import Centreline, Points
-from app.policy.strokes import PushDesign
-from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned
-from app.rig.simulated.rehearsal import PushSample, PushSession
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, known, mistuned
+from app.rig.simulated.push_session import PushSample, PushSession
 from app.rig.simulated.worlds.rope import resample
 from app.sim.model.params import PARAMETERS, with_orientation
-from app.tasks import compiled, load
-from app.tasks.jobs import nominal_model, track_orientation
+from app.tasks import jit_cache as compiled
+from app.tasks import load
 from app.tasks.rope_orientation import oriented_phi
+from app.tasks.worker_api import nominal_model, track_orientation
 from bench.hidden.ropes import view_of
 
 TASK: Final = "rope_push@rods"

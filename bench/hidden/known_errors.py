@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import UsageError
 from app.core.geometry.track import Track
-from app.discovery import apparatus
-from app.discovery.apparatus.base import Apparatus, Eye, See, Values
+from app.discovery import sensor_actuator_errors as apparatus
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.study import Push, Study, View
+from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, See, Values
 
 Undo: TypeAlias = Callable[[Track, Values], Track]
 """Inverse of an arm's effect: the commanded track for a true one."""

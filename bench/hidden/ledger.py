@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from app.evaluation.ledger import lines
+from app.evaluation.results_log import lines
 
 
 def key_of(line: dict[str, Any]) -> str:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.policy.strokes import PushDesign
-from app.rig.simulated.hiding import described
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import described
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.recorded import write

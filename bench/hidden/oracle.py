@@ -12,14 +12,14 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.refine import refine, started
 from app.discovery.inference.screen import refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.results.gain import gained
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """Effects outside the catalogue that own recordings can hide, written as effects of the simulator.
 
-The same three forces as `app/rig/simulated/hidden` has in MuJoCo's terms: a quadratic drag, a pull across the motion,
-a swirl about a point. On rods a pull across the motion is in proportion to speed far below 5 mm/s.
+The same three forces as `app/rig/simulated/injected_effects` has in MuJoCo's terms: a quadratic drag, a pull across the
+motion, a swirl about a point. On rods a pull across the motion is in proportion to speed far below 5 mm/s.
 """
 
 # As static types, Warp's numbers and vectors have no operators.

@@ -14,14 +14,14 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.subject import Catalogue, Subject, Theta, catalogue
+from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta, catalogue
 from app.discovery.residuals.predict import Predictor
-from app.policy.strokes import PushDesign
-from app.rig.simulated.hiding import MISTUNED
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import MISTUNED
 from app.sim.parameter import ParameterSpec
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.recorded import write
 from bench.own_world import DENSER, OwnWorld, finer

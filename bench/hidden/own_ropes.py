@@ -19,13 +19,13 @@ from scipy.spatial import KDTree
 
 from app.core.task_name import recorded
 from app.core.types import Cloud
-from app.discovery.apparatus.base import Eye
+from app.discovery.dataset.model_under_test import ROD_NUMERICS, RodModel, Subject, catalogue
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import ROD_NUMERICS, RodModel, Subject, catalogue
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
-from app.policy.strokes import PushDesign
-from app.rig.simulated.rehearsal import laid
+from app.discovery.sensor_actuator_errors.base import Eye
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.push_session import laid
 from app.rig.simulated.worlds.physics import Centreline
 from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
@@ -37,7 +37,7 @@ from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, inextensible
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Chosen
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.own import Order, World, world_of

@@ -25,21 +25,22 @@ from app.core.geometry.track import Track
 from app.core.messages import Model
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points
-from app.discovery.apparatus.base import Eye
 from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import Theta, catalogue
 from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.sensor_actuator_errors.base import Eye
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Search
 from app.policy.base import AWAY
 from app.recording.exchange.model_file import load_model
 from app.sim.model.params import acting
-from app.tasks import compiled, load, nominal_model
-from app.tasks.correction import correction
+from app.tasks import jit_cache as compiled
+from app.tasks import load, nominal_model
+from app.tasks.apparatus_compensation import correction
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from app.tasks.extended import estimated, extended_model
 from bench.hidden.own import read_orders, world_of
 from bench.own_world import CAMERA_M, finer

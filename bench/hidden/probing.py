@@ -25,15 +25,15 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import PlanningError
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Push, Study
-from app.discovery.dataset.subject import catalogue
 from app.discovery.experiments.probe import Belief, is_named
 from app.evaluation.intervals import share
-from app.evaluation.ledger import lines
-from app.policy.strokes import PushDesign
-from app.rig.simulated.hiding import known
+from app.evaluation.results_log import lines
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import known
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from app.tasks.probed import belief, next_probe
 from bench.hidden.draws import Chosen
 from bench.hidden.ropes import RopeCase, bare_table, push_of, view_of

@@ -14,7 +14,7 @@ from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
 from app.discovery.dataset.study import Push, Study, View
-from app.recording.format.epoch import Epoch
+from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 
 _START_S = 1000.0

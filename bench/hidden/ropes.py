@@ -12,16 +12,16 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.stage import RopeModel
+from app.core.geometry.scene_description import RopeModel
 from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.perception.body.resample import resample
-from app.policy.strokes import REGION, PushDesign
-from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import InjectionRequest, draw, mistuned
-from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot, rehearse
+from app.policy.random_pushes import REGION, PushDesign
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistuned
+from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.base import Task

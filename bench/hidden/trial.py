@@ -19,7 +19,7 @@ from typing import IO, Any, final
 
 import numpy as np
 
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import AS_RODS, WORLDS, Case, Making, kinds, real_size
 from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
 

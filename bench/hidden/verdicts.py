@@ -8,16 +8,16 @@ from typing import Final, final
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
+from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Subject, Theta
 from app.discovery.pipeline import Stages, judged
 from app.discovery.results.case import Estimate, Name
-from app.discovery.results.conclude import estimates_of, verdict_of
+from app.discovery.results.verdict import estimates_of, verdict_of
 from app.discovery.unexplained.formula import Opened
-from app.discovery.unexplained.leftover import Leftover
+from app.discovery.unexplained.residual_test import Leftover
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.doubted import doubted_in
+from app.tasks.discovery_subject import doubted_in
 
 _NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
 """Forces of no cause, which take as long as all the rest."""

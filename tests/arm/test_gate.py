@@ -13,7 +13,7 @@ from app.arm.gate import MAX_WAYPOINTS, begin
 from app.config import KeepOut, Limits, Reach, Site
 from app.core.errors import MotionRefused
 from app.core.motion import TOOL_DOWN, Motion, pointing_down
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
 

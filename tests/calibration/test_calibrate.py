@@ -12,7 +12,8 @@ from app.calibration.fit import FitSettings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
 from app.policy.base import AWAY
 from app.sim.model.params import PARAMETERS, index
-from app.tasks import compiled, load, nominal_model
+from app.tasks import jit_cache as compiled
+from app.tasks import load, nominal_model
 from app.tasks.curves import fill_tube
 
 TASK = load("rope_push")

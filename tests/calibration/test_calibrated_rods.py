@@ -13,9 +13,10 @@ from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
 from app.sim.model.params import index
-from app.tasks import compiled, nominal_model
-from app.tasks.compiled import Calibrated, calibrated, calibrated_from_recordings, phi_of
-from app.tasks.jobs import check_model, ends_of_ranges, planner_needs, update
+from app.tasks import jit_cache as compiled
+from app.tasks import nominal_model
+from app.tasks.jit_cache import Calibrated, calibrated, calibrated_from_recordings, phi_of
+from app.tasks.worker_api import check_model, ends_of_ranges, planner_needs, update
 from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
 
 STIFFEST_PA = next(spec.high for spec in TASK.parameters() if spec.name == "stiffness")

@@ -10,7 +10,7 @@ from app import cells
 from app.cells.base import Wanted
 from app.config import Limits, Site, Workspace
 from app.core.colours import ColourRange
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.geometry.table_place import TablePlace
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.worlds.arm_model import solve_joints

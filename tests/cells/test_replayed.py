@@ -15,7 +15,7 @@ from app.cells import replayed
 from app.cells.base import Wanted
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import ArmState, Episode
 from app.rig.kinova import gen3

@@ -10,7 +10,7 @@ import pytest
 from app.commands._case import VERDICT, read_case
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
-from app.policy.strokes import PushDesign, random_track
+from app.policy.random_pushes import PushDesign, random_track
 from app.report import verdict_json
 from tests.planner.table import rope
 from tests.ui.report import cases

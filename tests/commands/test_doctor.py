@@ -18,7 +18,7 @@ from app.config import Site
 from app.core.errors import PreflightError
 from app.recording.exchange.calibration_file import save_camera
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.process import FakeProcess
 from tests.cells.test_cell_file import GOOD, written
 from tests.recording.test_calibration_file import camera
 

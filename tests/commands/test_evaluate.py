@@ -13,7 +13,7 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import UsageError
-from app.evaluation import ledger
+from app.evaluation import results_log as ledger
 from app.recording.exchange.model_file import save_model
 from app.tasks import nominal_model
 from tests.models import model_with

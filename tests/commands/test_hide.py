@@ -15,7 +15,7 @@ from app.core.errors import ParameterError, UsageError
 from app.core.messages import Episode, Executed, Frame, Particles, Sighting, Transition
 from app.recording.format.integrity import inspect
 from app.recording.read.reader import read_messages, read_transitions
-from app.rig.simulated.hiding import known
+from app.rig.simulated.effect_sampling import known
 from app.services.study import read_study
 
 SEED = 730915

@@ -10,19 +10,19 @@ import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
-from app.core.geometry.stage import Finger
+from app.core.geometry.scene_description import Finger
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centred, reach_m
+from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Catalogue, Subject, catalogue
-from app.discovery.residuals.direct import direct_rows, row_of
-from app.discovery.residuals.field import Basis, registered
+from app.discovery.residuals.direct_measurements import direct_rows, row_of
+from app.discovery.residuals.displacement_field import Basis, registered
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.residuals.sensitivity import Step
-from app.discovery.results.conclude import estimates_of
+from app.discovery.results.verdict import estimates_of
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 from tests.measured_data import Place, measured_arrays, recorded, said
 from tests.plain_data import saved

@@ -11,7 +11,7 @@ from app.core.dialogue.requests import Request
 from app.core.system.channel import Lossless
 from app.recording.read.timeline import open_timeline
 from app.ui.console import Console
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 from app.ui.player import FASTEST, Player
 from app.ui.replanning import Replanned, ReplanRequest
 from tests.ui import synthetic

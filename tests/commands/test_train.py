@@ -11,12 +11,12 @@ from app.__main__ import main
 from app.core.errors import UsageError
 from app.core.messages import Episode, Executed, Goal, MessageId, Transition, fresh_id
 from app.core.motion import pointing_down
-from app.evaluation import ledger
+from app.evaluation import results_log as ledger
 from app.evaluation.trial import Trial, playable, run_trial
 from app.planner.method import PAPER
 from app.policy.learned.file import CHECKPOINT, FILE, load_policy
-from app.recording.format.epoch import Epoch
-from app.recording.library.taught import read_taught
+from app.recording.format.clock_offset import Epoch
+from app.recording.library.demonstrations import read_taught
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.teaching import lessons

@@ -19,7 +19,7 @@ from app.cells.base import Cell, Wanted
 from app.config import Site
 from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError, MotionRefused
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.messages import ArmMode, Episode, Executed, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Arm, Rig

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from app.discovery.dataset.subject import Catalogue, Subject
-from app.discovery.inference.evidence import fitted
+from app.discovery.dataset.model_under_test import Catalogue, Subject
+from app.discovery.inference.mixed_effects import fitted
 from app.discovery.inference.refine import RefinedModel, own_steps
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.rows import Block, Residuals

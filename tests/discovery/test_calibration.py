@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import calibration, features
 from app.discovery.inference.screen import Screening, screened
 from app.discovery.residuals.forces import force_steps, with_formula
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, steps_of
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from tests.discovery.test_inference import BLOCKS, K, R
 
 SUBJECT = subject_of(load("rope_push@rods"))

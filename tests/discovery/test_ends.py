@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.ends import found_ends, turned
 from app.discovery.inference.screen import steps_of
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import residuals
-from app.policy.strokes import PushDesign
-from app.tasks.doubted import subject_of
+from app.policy.random_pushes import PushDesign
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.ropes import RopeCase
 from tests.discovery.test_inference import PRIOR, K, P, made, weighed
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from app.core.messages import Model
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import catalogue
 from app.discovery.inference.decide import ModelSelection, decide
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, Trials, prepare
-from app.discovery.results.conclude import verdict_of
-from app.discovery.results.wording import formula_of
+from app.discovery.results.formula_text import formula_of
+from app.discovery.results.verdict import verdict_of
 from app.discovery.unexplained.formula import Opened, opened
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.sim.model.params import acting
 from app.tasks import load
-from app.tasks.compiled import phi_of
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from app.tasks.extended import estimated, extended_model
-from app.tasks.jobs import check_model
+from app.tasks.jit_cache import phi_of
+from app.tasks.worker_api import check_model
 from bench.own_world import DENSER, OwnWorld, finer
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]

@@ -9,10 +9,10 @@ from app.discovery.checks.frames import frame_tests
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.residuals.predict import Trials, prepare
 from app.discovery.results.case import FrameTest
-from app.policy.strokes import PushDesign, random_track
+from app.policy.random_pushes import PushDesign, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 
 TASK = load("rope_push")
 SUBJECT = subject_of(TASK)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.inference.evidence import fitted
+from app.discovery.inference.mixed_effects import fitted
 from app.discovery.inference.weighing import CALIBRATED, Prior, Weighing, dispersion, weigh
 from app.discovery.residuals.rows import Block, Residuals
 

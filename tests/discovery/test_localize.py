@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.localize import KEPT, lattice, log_bayes_of_each
 from app.discovery.inference.screen import refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
-from app.policy.strokes import PushDesign
-from app.tasks.doubted import subject_of
+from app.policy.random_pushes import PushDesign
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from tests.discovery.test_inference import PRIOR, P, made

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.discovery.dataset.labels import labelled
-from app.discovery.dataset.subject import RodModel
+from app.discovery.dataset.model_under_test import RodModel
 from app.sim.rods.scene import RodScene
 from app.tasks.curves import fill_tube
 

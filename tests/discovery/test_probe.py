@@ -11,8 +11,8 @@ from jaxtyping import Float64
 from app.config import KeepOut, Limits, Site
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import View
-from app.discovery.dataset.subject import catalogue
 from app.discovery.experiments.probe import (
     NOTHING,
     Belief,
@@ -36,10 +36,10 @@ from app.discovery.experiments.probe_pushes import (
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step
-from app.policy.strokes import REGION, PushDesign, Stroke, stroke_through
+from app.policy.random_pushes import REGION, PushDesign, Stroke, stroke_through
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from app.tasks.probed import probe_motion, refusal, scene
 
 TASK = load("rope_push@rods")

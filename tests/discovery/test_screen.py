@@ -5,16 +5,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import catalogue
 from app.discovery.inference.decide import NAMED, held_out, probabilities_of
 from app.discovery.inference.refine import refine, started
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from bench.own_world import DENSER, OwnWorld, finer
 
 # Slopes, projection and evidence are tested apart; here all of it is, on simulated pushes that are made for it.

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.discovery.checks.soundness import model_limits
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.decide import is_sized
-from app.discovery.residuals.field import MODES
+from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.rows import Residuals
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 from tests.discovery.test_steppers import trials
 

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.discovery.dataset.subject import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
-from app.discovery.residuals.field import MODES, Basis, registered
+from app.discovery.dataset.model_under_test import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
+from app.discovery.residuals.displacement_field import MODES, Basis, registered
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.residuals.sensitivity import STARTS, residuals
 from app.discovery.residuals.steppers import material_coordinates
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from bench.hidden.ropes import RopeCase
 
 CASE = RopeCase(seed=3, plan=PushDesign(episodes=2, pushes=1))

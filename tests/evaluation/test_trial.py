@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.evaluation.play import EpisodeResults
+from app.evaluation.episode import EpisodeResults
 from app.evaluation.trial import WHOLE, Trial
 
 

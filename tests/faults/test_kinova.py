@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from app.rig.kinova.client.client import OwnLink
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from bench.faults.application import FAULTS, Doing
 from bench.faults.gen3 import SITE, Wire, disturbed, suffered

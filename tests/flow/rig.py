@@ -17,11 +17,11 @@ from app.config import Site
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.limbs import ArmShape
 from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.cameras.cameras import table_cameras

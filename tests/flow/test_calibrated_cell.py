@@ -11,8 +11,8 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.camera_calibration_messages import Placing
 from app.core.dialogue.jog import Jog
-from app.core.dialogue.placing import Placing
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
 from app.core.dialogue.summary import Summary
 from app.core.messages import Frame, Message, Notice, fresh_id
@@ -24,7 +24,7 @@ from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.rope_push import TASK
 from tests.flow.cell import LoopClock, MemoryLog
-from tests.flow.test_modelling import Shown
+from tests.flow.test_model_selection import Shown
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 

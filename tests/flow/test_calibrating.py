@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Limits, Site, Timing, Workspace
 from app.core.announcer import Announcer
+from app.core.dialogue.camera_calibration_messages import BoardSeen, Placing
 from app.core.dialogue.control import ModeName
-from app.core.dialogue.placing import BoardSeen, Placing
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest, Request
 from app.core.dialogue.summary import Summary
 from app.core.geometry.camera import CameraModel

@@ -13,7 +13,7 @@ from app.flow.editing import Editing
 from app.tasks import load, nominal_model
 from app.tasks.base import EpisodeConfig
 from tests.flow.cell import LoopClock, MemoryLog
-from tests.flow.test_watching import Shown
+from tests.flow.test_model_monitor import Shown
 from tests.flow.virtual import InsideWorker
 from tests.ui import synthetic
 

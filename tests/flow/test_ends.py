@@ -9,7 +9,7 @@ import pytest
 
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.control import Mode
-from app.core.dialogue.doubt import Watched
+from app.core.dialogue.model_monitor_messages import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError
 from app.core.messages import ArmState, Executed, Fault, Notice, Outcome, Proposal, ResumeRequest, Transition
 from app.tasks.aim import Near
@@ -52,7 +52,7 @@ async def test_an_object_that_stays_out_of_sight_ends_the_run_with_what_to_do(
         proposal = await run.person.sees(Proposal)
         run.rig.table.place = "covered"
         await run.person.sees(Fault, "perception")
-        monkeypatch.setattr("app.flow.sensing._OBSERVE_DEADLINE_S", 0.5)
+        monkeypatch.setattr("app.flow.perception_stage._OBSERVE_DEADLINE_S", 0.5)
         await run.person.decides(proposal, approve=False)
         error = await run.end()
         assert isinstance(error, DeviceError)
@@ -136,7 +136,7 @@ async def test_where_what_is_seen_does_not_answer_a_push_is_scored_and_nothing_l
 async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 0.5)
+    monkeypatch.setattr("app.flow.stop_latch._UNATTENDED_S", 0.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
         await run.person.presses_stop()
@@ -151,7 +151,7 @@ async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
 async def test_an_automatic_run_goes_on_by_itself_where_only_the_arm_ended_a_motion(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.3)
+    monkeypatch.setattr("app.flow.stop_latch._PAUSE_S", 0.3)
     async with running(small_site(tmp_path), small_wish(pushes=2, automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
         run.rig.arm.trips()
@@ -164,8 +164,8 @@ async def test_an_automatic_run_goes_on_by_itself_where_only_the_arm_ended_a_mot
 async def test_an_automatic_run_that_the_arm_stops_again_and_again_waits_for_somebody(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.1)
-    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 0.5)
+    monkeypatch.setattr("app.flow.stop_latch._PAUSE_S", 0.1)
+    monkeypatch.setattr("app.flow.stop_latch._UNATTENDED_S", 0.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         for _ in range(4):
             await run.person.sees(ArmState, "moving")
@@ -179,8 +179,8 @@ async def test_an_automatic_run_that_the_arm_stops_again_and_again_waits_for_som
 async def test_a_stop_that_somebody_presses_as_an_automatic_run_pauses_is_not_lifted_by_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.5)
-    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 1.5)
+    monkeypatch.setattr("app.flow.stop_latch._PAUSE_S", 0.5)
+    monkeypatch.setattr("app.flow.stop_latch._UNATTENDED_S", 1.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
         run.rig.arm.trips()
@@ -196,8 +196,8 @@ async def test_a_stop_that_somebody_presses_as_an_automatic_run_pauses_is_not_li
 async def test_a_stop_that_somebody_pressed_is_not_lifted_by_an_automatic_run_before_it_heard_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.3)
-    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 1.0)
+    monkeypatch.setattr("app.flow.stop_latch._PAUSE_S", 0.3)
+    monkeypatch.setattr("app.flow.stop_latch._UNATTENDED_S", 1.0)
     for tripped in (False, True):
         async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
             await run.person.sees(ArmState, "moving")

@@ -12,10 +12,10 @@ from app.config import Site
 from app.core.announcer import Announcer
 from app.core.dialogue.requests import Request
 from app.core.dialogue.summary import Summary
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.limbs import ArmShape
 from app.core.messages import Frame, Message, Notice, Particles, fresh_id
-from app.flow.sensing import Sensing, forgotten
+from app.flow.perception_stage import Sensing, forgotten
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm
 from app.tasks.rope_push import TASK

@@ -12,17 +12,17 @@ from app.core.dialogue.summary import Summary
 from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Goal, MessageId, Notice, Particles, Transition, fresh_id
 from app.core.motion import Motion
-from app.flow.asking import Asking
+from app.flow.perception_stage import Sensing
 from app.flow.probing import Probing
-from app.flow.sensing import Sensing
-from app.rig.simulated.rehearsal import push_again
+from app.flow.suggested_push import Asking
+from app.rig.simulated.push_session import push_again
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import resample
 from app.tasks import load, nominal_model
 from app.tasks.base import EpisodeConfig, Experiment
 from tests.flow.cell import LoopClock, MemoryLog, small_site
 from tests.flow.rig import SmallRig
-from tests.flow.test_watching import Shown
+from tests.flow.test_model_monitor import Shown
 from tests.flow.virtual import InsideWorker
 
 # Every candidate's slopes and all causes are simulated; what is chosen and why is tested in discovery/test_probe.py.

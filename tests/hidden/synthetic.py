@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from bench.hidden.draws import Case, Chosen, World, drawn, kinds
 from bench.hidden.outcome import Outcome, outcome
 

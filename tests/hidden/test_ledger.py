@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.evaluation.ledger import append
+from app.evaluation.results_log import append
 from bench import discovery
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES

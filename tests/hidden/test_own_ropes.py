@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.study import Study
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.services.study import read_study
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout

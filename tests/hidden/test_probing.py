@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from app.rig.simulated.hiding import known
+from app.rig.simulated.effect_sampling import known
 from bench.hidden.probing import compared, drawn, read
 
 SETUP = {"pushes": 12, "batch": 4}

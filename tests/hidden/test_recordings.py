@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from app.recording.format.integrity import inspect
 from app.services.study import read_study
 from bench.hidden.draws import WORLDS, kinds, outsiders

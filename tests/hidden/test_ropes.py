@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import Chosen
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
@@ -79,7 +79,7 @@ def recorded(case: RopeCase) -> Path:
 def sources() -> str:
     """Hash of all that makes recordings."""
     paths = [*(ROOT / "app" / "rig" / "simulated").rglob("*.py"), *(ROOT / "app" / "tasks").rglob("*.py")]
-    paths += [*(ROOT / "bench" / "hidden").glob("*.py"), ROOT / "app" / "policy" / "strokes.py"]
+    paths += [*(ROOT / "bench" / "hidden").glob("*.py"), ROOT / "app" / "policy" / "random_pushes.py"]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths))).hexdigest()
 
 

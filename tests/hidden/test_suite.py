@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import Case, Chosen, Making
 from bench.hidden.outcome import Outcome, outcome
 from bench.hidden.scores import alarming

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.policy.strokes import PushDesign
+from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import WORLDS, Case, Chosen
 from bench.hidden.outcome import outcome
 from bench.hidden.trial import Setup, handed_over, make, solved, told, tried

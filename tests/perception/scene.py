@@ -12,7 +12,7 @@ import numpy as np
 from app.config import Workspace
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, fresh_id
-from app.core.system.native import load_open3d
+from app.core.system.shared_libraries import load_open3d
 from app.tasks.curves import random_curve
 from bench.tube import Tube
 

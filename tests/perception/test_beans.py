@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.perception.reconstruct import reconstruct
-from app.rig.simulated.cameras.eyes import SimulatedCameras
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.worlds.beans_world import BeansWorld
 from app.tasks.bean_sweep import BEANS, MAT, PADDLE, TASK
 

@@ -8,12 +8,12 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
-from app.core.geometry.limbs import ArmShape, Limb, Posture
-from app.core.geometry.stage import HeldBowl
+from app.core.geometry.arm_geometry import ArmShape, Limb, Posture
+from app.core.geometry.scene_description import HeldBowl
 from app.core.messages import Frame
 from app.perception.cloud.depth import project
 from app.perception.cloud.hull import VOXEL_M
-from app.perception.cloud.shadow import pieces, shadow
+from app.perception.cloud.robot_mask import pieces, shadow
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
 from app.tasks.pour_water import TASK as POUR_WATER
 from tests.perception.scene import ROPE_RGB, camera_at, random_tube, render, views

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.stage import Bowl
+from app.core.geometry.scene_description import Bowl
 from app.core.motion import pointing_down
 from app.core.types import Points
 from app.perception.body.resample import resample
 from app.perception.reconstruct import _pools, reconstruct
-from app.rig.simulated.cameras.eyes import SimulatedCameras
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.world import Nodes, Snapshot

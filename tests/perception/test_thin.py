@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 from app.core.colours import ColourRange
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.rig.simulated.cameras.eyes import SimulatedCameras
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, RACK, STAGE, flat, grasped, hand
 

@@ -10,7 +10,8 @@ from app.core.types import Points
 from app.planner.search.plan import TreePlanner
 from app.planner.search.tree import Search
 from app.policy.base import AWAY, Now
-from app.tasks import compiled, load
+from app.tasks import jit_cache as compiled
+from app.tasks import load
 from app.tasks.curves import fill_tube
 
 PARTICLES = 80

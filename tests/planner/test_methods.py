@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from app.core.errors import UsageError
 from app.planner.base import Planner
-from app.planner.made import made
 from app.planner.method import ABLATIONS, PAPER, Method, planners
+from app.planner.planner_factory import made
 from app.planner.search.budget import SLOPE_ROLLOUTS, tree_rollouts
 from app.planner.search.cem import CemPlanner, Refit, evolve
 from app.planner.search.cost import Terms

@@ -20,7 +20,7 @@ from app.policy.learned.train import Progress, TrainingSettings, begin, learn
 from app.policy.symmetry import Symmetry
 from app.sim.state import State
 from app.tasks import load
-from app.tasks.compiled import nominal_model
+from app.tasks.jit_cache import nominal_model
 from app.tasks.teaching import lessons, simulator
 from tests.programs import program
 

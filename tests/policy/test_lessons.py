@@ -17,7 +17,7 @@ from app.policy.learned.kinds.act import Act
 from app.policy.learned.train import TrainingSettings, begin
 from app.policy.symmetry import Isometry
 from app.tasks import load, names
-from app.tasks.compiled import nominal_model
+from app.tasks.jit_cache import nominal_model
 from app.tasks.teaching import lessons, simulator
 
 COUNT = 60

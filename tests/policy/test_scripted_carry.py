@@ -8,7 +8,7 @@ import pytest
 from app.config import Site
 from app.core.motion import pointing_down
 from app.core.types import Points, ToolPose
-from app.planner.actions.carries import Carries
+from app.planner.actions.carry_actions import Carries
 from app.policy.base import Now
 from app.policy.scripted_carry import ScriptedCarry
 from app.rig.simulated.lockstep import LockStep

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from app.core.motion import pointing_down
-from app.planner.actions.pours import tilt, up_of
+from app.planner.actions.pour_actions import tilt, up_of
 from app.policy.base import Now
 from app.policy.scripted_pour import ScriptedPour
 from app.tasks import load

@@ -8,8 +8,8 @@ import pytest
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Particles
-from app.core.system.native import load_open3d
-from app.recording.exchange.plain import read_plain
+from app.core.system.shared_libraries import load_open3d
+from app.recording.exchange.npz_import import read_plain
 from app.recording.read.clouds import write_npz, write_ply
 from app.recording.read.reader import read_messages, read_transitions
 from tests.plain_data import EPISODES, PUSHES, plain_arrays, saved

@@ -14,8 +14,8 @@ from app.recording.format.channels import KINDS, SCHEMA_VERSION
 from app.recording.format.migrate import STEPS, changed_since, migrated
 from app.recording.library.checks import check
 from app.recording.library.label import Label, labels, relabel
+from app.recording.library.recording_index import entry
 from app.recording.library.renew import renew
-from app.recording.library.shelf import entry
 from app.recording.read.reader import read_messages
 from tests.recording.samples import Maker, Recording, record, same
 from tests.recording.test_foxglove import lines, metadata, obeys

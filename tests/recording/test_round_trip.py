@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.core.dialogue.seeing import Seen
+from app.core.dialogue.segmentation_message import Seen
 from app.core.messages import ArmState, Episode, Extension, Frame, Message, Model, Particles, Proposal, Transition
 from app.core.motion import Motion
 from app.recording.format.channels import TOPICS, record_of

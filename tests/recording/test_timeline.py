@@ -15,7 +15,7 @@ from app.core.errors import RecordingError, UsageError
 from app.core.messages import Decision, Episode, Executed, Frame, Message, Notice, Proposal, Transition
 from app.recording.library.recover import recover
 from app.recording.read.timeline import Timeline, open_timeline
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from tests.recording.demonstrations import PUSHES, demonstration
 from tests.recording.samples import Maker, Recording, record, same
 

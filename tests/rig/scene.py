@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.dialogue.approval import Approved
-from app.core.geometry.stage import Finger, Rope
+from app.core.geometry.scene_description import Finger, Rope
 from app.core.motion import Motion
 from bench.approval import approved as approved_over
 

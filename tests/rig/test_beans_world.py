@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.motion import TOOL_DOWN
 from app.core.types import ToolPose
 from app.rig.simulated.cameras.appearance import surfaces

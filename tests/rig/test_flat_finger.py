@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.stage import Finger, RopeModel
-from app.policy.strokes import PushDesign
-from app.rig.simulated.rehearsal import rehearse
+from app.core.geometry.scene_description import Finger, RopeModel
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope import resample
 from app.rig.simulated.worlds.rope_world import RopeWorld

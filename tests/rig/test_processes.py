@@ -15,7 +15,7 @@ import pytest
 
 from app.config import Site
 from app.core.errors import DeviceError
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from tests.conftest import ROOT
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.rope_world import RopeWorld

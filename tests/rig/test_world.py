@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from app.config import Workspace
-from app.core.geometry.stage import RopeModel, Stage
-from app.policy.strokes import PushDesign
+from app.core.geometry.scene_description import RopeModel, Stage
+from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.rehearsal import rehearse
+from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import load

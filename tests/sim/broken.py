@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.sim.diagnosis.autopsy import MpmCase, single
+from app.sim.diagnosis.failure_diagnosis import MpmCase, single
 from app.sim.model.params import nominal_phi
 from app.sim.runtime.checks import Setup
 from app.sim.state import Setting, State

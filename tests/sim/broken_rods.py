@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.sim.diagnosis.rod_autopsy import RodCase, single_rod
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase, single_rod
 from app.sim.rods.checks import RodSetup
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, RecordingError, SimulationError, UsageError
-from app.sim.diagnosis.autopsy import MpmCase, dissect, single
 from app.sim.diagnosis.checked import checked
 from app.sim.diagnosis.dump import Dump, leave_dump, load_dump, save_dump
+from app.sim.diagnosis.failure_diagnosis import MpmCase, dissect, single
 from app.sim.diagnosis.faults import KEPT
 from app.sim.effects.base import Effect
 from app.sim.materials.base import Law, Material
@@ -21,7 +21,7 @@ from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.model.known import known_materials, known_tools
+from app.sim.model.registry import known_materials, known_tools
 from app.sim.model.scene import Body
 from app.sim.runtime.checks import Setup, require_inputs
 from app.sim.runtime.rollout import make_rollout
@@ -238,7 +238,7 @@ def test_no_material_makes_a_particle_finite_again(material: Material) -> None:
 @pytest.mark.parametrize("piece", [1, 7])
 def test_an_autopsy_in_pieces_finds_the_same(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = dissect(flung())
-    monkeypatch.setattr("app.sim.diagnosis.autopsy.PIECE", piece)
+    monkeypatch.setattr("app.sim.diagnosis.failure_diagnosis.PIECE", piece)
     parts = dissect(flung())
     assert (parts.failed, parts.until) == (whole.failed, whole.until)
     assert [fault.kind for fault in parts.faults] == [fault.kind for fault in whole.faults]

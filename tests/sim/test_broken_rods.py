@@ -14,7 +14,7 @@ from app.core.errors import ParameterError, RecordingError, SimulationError, Usa
 from app.sim.diagnosis.checked import checked_rods
 from app.sim.diagnosis.dump import Dump, leave_dump, load_dump, save_dump
 from app.sim.diagnosis.faults import KEPT
-from app.sim.diagnosis.rod_autopsy import RodCase, dissect_rod
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase, dissect_rod
 from app.sim.effects.base import Effect
 from app.sim.model.catalogue import discover
 from app.sim.rods.checks import RodSetup, require_rod_inputs

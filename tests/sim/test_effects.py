@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from app.sim import effects
+from app.sim.effect_composition import GRAIN_HOOKS, NODE_HOOKS
 from app.sim.effects.base import Effect
-from app.sim.hooks import GRAIN_HOOKS, NODE_HOOKS
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
 from app.sim.model import catalogue

@@ -11,7 +11,8 @@ import pytest
 from app.core.errors import ParameterError
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.state import RodState, bends
-from app.tasks import compiled, nominal_model
+from app.tasks import jit_cache as compiled
+from app.tasks import nominal_model
 from tests.sim import pushed_ropes
 from tests.sim.pushed_ropes import SCENE, assert_agree, central, crossing, headed, lying, straight
 

@@ -10,8 +10,9 @@ from app.core.errors import UsageError
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.sim.model.params import acting, index
-from app.tasks import compiled, load
-from app.tasks.jobs import doubt, nominal_model, plan
+from app.tasks import jit_cache as compiled
+from app.tasks import load
+from app.tasks.worker_api import doubt, nominal_model, plan
 from tests.planner.table import PHI, planner, rope
 
 RODS = "rope_push@rods"

@@ -5,8 +5,9 @@ import pytest
 
 from app.core.errors import PlanningError
 from app.core.messages import Branch
-from app.core.reshaped import reshaped
-from app.tasks import jobs, load, nominal_model
+from app.core.path_similarity_transform import reshaped
+from app.tasks import load, nominal_model
+from app.tasks import worker_api as jobs
 from app.tasks.edited import edited_plan
 
 TASK, PRESET = load("rope_push"), "cpu"

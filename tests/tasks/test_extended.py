@@ -10,15 +10,16 @@ import pytest
 from app.calibration.calibrate import phi_of
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import PARAMETERS, acting, index
-from app.tasks import compiled, load, nominal_model
-from app.tasks.correction import correction
-from app.tasks.doubted import subject_of
+from app.tasks import jit_cache as compiled
+from app.tasks import load, nominal_model
+from app.tasks.apparatus_compensation import correction
+from app.tasks.discovery_subject import subject_of
 from app.tasks.extended import Covariance, Estimated, estimated, extended_model
-from app.tasks.jobs import check_model
+from app.tasks.worker_api import check_model
 
 FOUND = {
     "stiffness": Estimated(5.0e4, 4.0e4, 6.0e4),

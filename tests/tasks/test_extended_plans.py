@@ -23,8 +23,9 @@ from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Search
 from app.policy.base import AWAY
 from app.sim.model.params import acting, index
-from app.tasks import compiled, nominal_model
-from app.tasks.correction import correction
+from app.tasks import jit_cache as compiled
+from app.tasks import nominal_model
+from app.tasks.apparatus_compensation import correction
 from tests.planner.table import PARTICLES, SPACE, TASK, rope
 
 Shift = tuple[float, float, float]

@@ -14,12 +14,13 @@ from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Search
-from app.sim.diagnosis.autopsy import dissect
 from app.sim.diagnosis.dump import load_dump
-from app.sim.diagnosis.rod_autopsy import RodCase, dissect_rod
+from app.sim.diagnosis.failure_diagnosis import dissect
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase, dissect_rod
 from app.sim.model.params import index
 from app.sim.state import State
-from app.tasks import calibrate, compiled, failures, load, nominal_model, plan
+from app.tasks import calibrate, failures, load, nominal_model, plan
+from app.tasks import jit_cache as compiled
 from tests.planner.table import PHI, SPACE, rope, search
 
 BAD = 2

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.core.geometry.solid import inside
-from app.core.geometry.stage import Bowl, Mat, Obstacle, Rack
+from app.core.geometry.fixture_collision import inside
+from app.core.geometry.scene_description import Bowl, Mat, Obstacle, Rack
 from app.tasks import load, names
 from app.tasks.feasible import check_goal
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.stage import Bowl, HeldBowl, Soup
+from app.core.geometry.scene_description import Bowl, HeldBowl, Soup
 from app.tasks import Task, load
 
 pouring = pytest.mark.parametrize("task", [load("pour_water"), load("pour_soup")], ids=lambda task: task.name)

@@ -16,15 +16,17 @@ from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
 from app.core.types import Centreline, Points
-from app.evaluation.play import EvaluationConfig, play
+from app.evaluation.episode import EvaluationConfig, play
 from app.planner.method import DIPAC
 from app.planner.search.plan import Plan
 from app.sim.model.params import index, with_orientation
 from app.sim.rods.geometry.polyline import distance
 from app.sim.rods.state import RodState
-from app.tasks import compiled, jobs, load
-from app.tasks.jobs import nominal_model, plan, track_orientation, update
+from app.tasks import jit_cache as compiled
+from app.tasks import load
+from app.tasks import worker_api as jobs
 from app.tasks.rope_orientation import oriented_phi
+from app.tasks.worker_api import nominal_model, plan, track_orientation, update
 from tests.models import model_with
 
 RODS = "rope_push@rods"

@@ -10,7 +10,7 @@ from app.policy.base import Now
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy
 from app.tasks import load, names
-from app.tasks.compiled import nominal_model
+from app.tasks.jit_cache import nominal_model
 from app.tasks.teaching import SHIPPED, learned, lessons, shipped, simulator
 
 LARGEST_BYTES = 3_000_000

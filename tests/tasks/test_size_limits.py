@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from app.core.geometry.track import Track
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import catalogue
 from app.discovery.residuals.predict import Predictor, prepare
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from app.tasks.sizes import SIZES
 
 LONGEST, THICKEST = SIZES["length_m"][1], SIZES["radius_m"][1]

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.stage import Finger
+from app.core.geometry.scene_description import Finger
 from app.core.task_name import TaskName
 from app.sim.model.params import index
 from app.sim.rods.state import RodState
-from app.tasks import compiled, load
+from app.tasks import jit_cache as compiled
+from app.tasks import load
 from app.tasks.curves import fill_tube
-from app.tasks.jobs import nominal_model
+from app.tasks.worker_api import nominal_model
 
 COUNT = 300
 ENDS = {

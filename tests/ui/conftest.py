@@ -20,7 +20,7 @@ from app.core.motion import pointing_down
 from app.teleop import Pilot
 from app.teleop.sample import Sample, read_sample
 from app.ui import Console, open_console
-from app.ui.parts.desk import Request
+from app.ui.parts.operator_controller import Request
 from bench.browser import FLAGS, MISSING, chromium
 from tests.ui import synthetic
 

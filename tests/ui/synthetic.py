@@ -6,7 +6,7 @@ import numpy as np
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.dialogue.control import Mode, ModeName
-from app.core.dialogue.seeing import Seen
+from app.core.dialogue.segmentation_message import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import (
     ArmMode,

@@ -13,8 +13,8 @@ from playwright.sync_api import Page, expect
 
 from app.core.dialogue.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
+from app.core.dialogue.demonstration_messages import Take
 from app.core.dialogue.requests import ClipRequest, GoalRequest, PictureGoalRequest, ProbeRequest, TakeRequest
-from app.core.dialogue.takes import Take
 from app.core.messages import Fault, Notice, fresh_id
 from tests.ui import synthetic
 from tests.ui.conftest import Served

@@ -14,7 +14,7 @@ from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
 from app.ui.parts import palette
 from tests.ui import synthetic
 from tests.ui.conftest import Served
-from tests.ui.test_doubt import VERDICT, WATCHED, WRONG
+from tests.ui.test_model_monitor_panel import VERDICT, WATCHED, WRONG
 
 pytestmark = pytest.mark.browser
 

@@ -12,7 +12,7 @@ from app.core.dialogue import words
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Message
 from app.ui.parts import cards
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from tests.ui import synthetic
 
 

@@ -20,11 +20,11 @@ from app.core.dialogue.control import Lease
 from app.core.errors import PreflightError
 from app.core.messages import Decision, StopRequest
 from app.ui import Console, open_console
-from app.ui.hand import Hand
+from app.ui.jog_socket import Hand
 from app.ui.server.access import Access
-from app.ui.server.backstage import PROXY_HEADER, Backstage
 from app.ui.server.page import Cell, Page
 from app.ui.server.proxy import Proxy, listen
+from app.ui.server.viser_host import PROXY_HEADER, Backstage
 from tests.ui import synthetic
 
 pytestmark = pytest.mark.anyio

@@ -9,7 +9,7 @@ import pytest
 from app.config import Timing
 from app.core.dialogue.approval import drift
 from app.ui.parts import cards
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.drift import DriftMeter, Moved
 from tests.ui import synthetic
 

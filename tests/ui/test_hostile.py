@@ -27,7 +27,7 @@ from app.core.motion import pointing_down
 from app.teleop import Pilot
 from tests.ui import synthetic
 from tests.ui.test_console import EVIL, PROTOCOL, Opened, opened
-from tests.ui.test_doorkeeper import CAMERA
+from tests.ui.test_message_validation import CAMERA
 
 pytestmark = pytest.mark.anyio
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.core.messages import Model, Parameter
-from app.ui.parts.board import Board, Made
+from app.ui.parts.console_state import Board, Made
 from app.ui.tabs import models
 from app.ui.tabs.modelling import course, label
 from tests.ui import synthetic
-from tests.ui.test_board import board_after
-from tests.ui.test_doubt import WATCHED
+from tests.ui.test_console_state import board_after
+from tests.ui.test_model_monitor_panel import WATCHED
 
 
 def version(number: int, stiffness: float, *, spread: float = 0.2) -> Model:

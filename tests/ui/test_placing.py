@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.core.dialogue.placing import BoardSeen, Checked, Placed, Placing, TakenView
+from app.core.dialogue.camera_calibration_messages import BoardSeen, Checked, Placed, Placing, TakenView
 from app.core.dialogue.requests import CalibrationRequest
 from app.core.geometry.hand_eye import Spread
 from app.core.messages import fresh_id
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.placing import cards
 from tests.ui import synthetic
 from tests.ui.conftest import Served

@@ -8,7 +8,7 @@ import pytest
 
 from app.core.messages import Proposal
 from app.core.motion import Motion
-from app.recording.read.marks import Mark
+from app.recording.read.event_index import Mark
 from app.ui.playback import SPEEDS, shown
 from app.ui.player import FASTEST, STRIDE_S, Player, Reel
 from app.ui.replanning import Replanned, ReplanRequest, card, rows

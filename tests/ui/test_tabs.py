@@ -11,13 +11,13 @@ from viser import ViserServer
 from app.config import Limits
 from app.core.dialogue.requests import Request
 from app.ui.parts import palette
-from app.ui.parts.desk import Desk
-from app.ui.server.backstage import Backstage
+from app.ui.parts.operator_controller import Desk
+from app.ui.server.viser_host import Backstage
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.modelling import Versions, label
 from app.ui.view.scene import ConsoleScene
 from tests.ui import synthetic
-from tests.ui.test_board import board_after
+from tests.ui.test_console_state import board_after
 from tests.ui.test_models import version
 
 pytestmark = pytest.mark.serial

@@ -7,11 +7,11 @@ from viser import ViserServer
 
 from app.core.colours import ColourRange
 from app.core.dialogue.requests import Request
-from app.ui.parts.desk import Desk
-from app.ui.server.backstage import Backstage
+from app.ui.parts.operator_controller import Desk
+from app.ui.server.viser_host import Backstage
 from app.ui.tabs.tuning import Tuning
 from tests.ui import synthetic
-from tests.ui.test_board import board_after
+from tests.ui.test_console_state import board_after
 
 pytestmark = pytest.mark.serial
 

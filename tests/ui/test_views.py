@@ -10,12 +10,13 @@ from viser import ViserServer
 
 from app.core.colours import colour_mask
 from app.ui.parts import palette
-from app.ui.parts.board import Board
-from app.ui.server.backstage import Backstage
-from app.ui.view import masks, views
+from app.ui.parts.console_state import Board
+from app.ui.server.viser_host import Backstage
+from app.ui.view import overlays as masks
+from app.ui.view import views
 from app.ui.view.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
-from tests.ui.test_board import board_after
+from tests.ui.test_console_state import board_after
 
 TODAY = date(2026, 11, 23)
 ROPE = synthetic.rope(0.5)

@@ -10,7 +10,7 @@ from app.commands._progress import counting
 from app.core.errors import RecordingError
 from app.recording.format import digests
 from app.recording.library.checks import check as examine
-from app.recording.library.shelf import shelf
+from app.recording.library.recording_index import shelf
 
 
 def check(

@@ -14,7 +14,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.names import numbered
-from app.recording.library.shelf import Entry, shelf
+from app.recording.library.recording_index import Entry, shelf
 from app.recording.read.clouds import What, write_npz, write_ply
 
 Format: TypeAlias = Literal["lerobot", "npz", "ply"]

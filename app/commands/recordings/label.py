@@ -10,7 +10,7 @@ from rich.console import Console
 from app.core.errors import RecordingError, UsageError
 from app.recording.format import digests
 from app.recording.library.label import VERDICTS, Label, Verdict, relabel
-from app.recording.library.shelf import shelf
+from app.recording.library.recording_index import shelf
 
 
 def label(

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from app.commands._progress import print_whole
 from app.core.dialogue.words import NOTHING, duration, size
-from app.recording.library.shelf import Entry, shelf
+from app.recording.library.recording_index import Entry, shelf
 
 _TONES = {"whole": "", "recording": "green", "cut off": "yellow", "unreadable": "red"}
 

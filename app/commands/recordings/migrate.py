@@ -8,8 +8,8 @@ from rich.console import Console
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.channels import SCHEMA_VERSION
 from app.recording.format.integrity import version_of
+from app.recording.library.recording_index import shelf
 from app.recording.library.renew import renew
-from app.recording.library.shelf import shelf
 
 
 def migrate(

@@ -9,7 +9,7 @@ from rich.console import Console
 from app.core.dialogue.words import size
 from app.core.errors import UsageError
 from app.recording.library.prune import Rule, discard, prunable
-from app.recording.library.shelf import shelf
+from app.recording.library.recording_index import shelf
 
 
 def prune(

@@ -15,7 +15,7 @@ from app.core.messages import Executed, Fault, Message, Model, Notice, Outcome, 
 from app.recording.format import digests
 from app.recording.format.integrity import require_file
 from app.recording.library.label import labels
-from app.recording.library.shelf import Entry, entry
+from app.recording.library.recording_index import Entry, entry
 from app.recording.read.reader import read_messages
 from app.ui.terminal import HEADER, outcome_line
 

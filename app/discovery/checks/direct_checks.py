@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import t as student
 
-from app.discovery.dataset.subject import Theta
-from app.discovery.residuals.direct import direct_rows, row_of
+from app.discovery.dataset.model_under_test import Theta
+from app.discovery.residuals.direct_measurements import direct_rows, row_of
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.sensitivity import change_of, switch_of
 from app.discovery.results.case import Check

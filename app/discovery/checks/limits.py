@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.checks.contradictions import contradictions
+from app.discovery.checks.data_consistency import contradictions
+from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import Push, Study
-from app.discovery.dataset.subject import Subject
 from app.discovery.results.case import Limit
 
 _EPISODES, _FEWEST_EPISODES = 4, 2

@@ -13,8 +13,8 @@ from jaxtyping import Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
+from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import Subject
 from app.discovery.results.case import Case, Example, NextPush
 from app.sim.effects.base import MIDDLE_M, REACH_M
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.discovery.residuals.field import AFTER, Basis, registered
+from app.discovery.residuals.displacement_field import AFTER, Basis, registered
 from app.discovery.residuals.predict import Trials
 from app.discovery.residuals.rows import Residuals
 from app.discovery.results.case import Limit

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.core.types import Points
-from app.discovery.dataset.subject import RodModel
+from app.discovery.dataset.model_under_test import RodModel
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights, labels_by_rank
 from app.sim.rods.state import RodStart
 

@@ -13,11 +13,11 @@ from jaxtyping import Float32, Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
+from app.discovery.dataset.model_under_test import Theta
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import Theta
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.case import NextPush
-from app.policy.strokes import PushDesign, random_track
+from app.policy.random_pushes import PushDesign, random_track
 from app.sim.effects.base import MIDDLE_M
 
 _CANDIDATES = {"cpu": 24, "gpu": 200}

@@ -18,15 +18,15 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
+from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.dataset.subject import Subject, Theta, catalogue
 from app.discovery.inference.calibration import calibration
 from app.discovery.inference.decide import NAMED
-from app.discovery.inference.evidence import Covariances
+from app.discovery.inference.mixed_effects import Covariances
 from app.discovery.inference.screen import Screening, prior_of, refit, screen
 from app.discovery.inference.weighing import Prior
-from app.discovery.residuals.direct import direct_blocks
-from app.discovery.residuals.field import MODES
+from app.discovery.residuals.direct_measurements import direct_blocks
+from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.residuals.sensitivity import Step, steps_of, ways_of

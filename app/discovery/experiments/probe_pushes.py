@@ -16,14 +16,14 @@ from app.core.errors import PlanningError
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
 from app.discovery.dataset.study import Push, Study, View
-from app.discovery.dataset.subject import RodModel, Subject, catalogue
 from app.discovery.experiments.next_push import push_words
 from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weighted
-from app.discovery.inference.evidence import information_of
+from app.discovery.inference.mixed_effects import information_of
 from app.discovery.residuals.predict import Predictor, PushParticles, Trials, prepare
 from app.discovery.residuals.sensitivity import residuals
-from app.policy.strokes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
+from app.policy.random_pushes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
 """Predicate: the arm would make this, by the checks of every motion."""

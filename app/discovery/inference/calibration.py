@@ -17,8 +17,8 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery import apparatus
-from app.discovery.inference.evidence import scores
+from app.discovery import sensor_actuator_errors as apparatus
+from app.discovery.inference.mixed_effects import scores
 from app.discovery.inference.screen import Screening, Suspect
 from app.discovery.inference.weighing import projected
 from app.sim.files import files_of

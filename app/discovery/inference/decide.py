@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import t
 
-from app.discovery.dataset.subject import Catalogue, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
-from app.discovery.inference.evidence import Covariances, fitted, log_likelihood
+from app.discovery.inference.mixed_effects import Covariances, fitted, log_likelihood
 from app.discovery.inference.refine import RefinedModel, refine, started
 from app.discovery.inference.screen import Screening, Suspect
 from app.discovery.inference.weighing import Z90, Prior, weigh

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.inference.evidence import Forms, fitted
+from app.discovery.inference.mixed_effects import Forms, fitted
 from app.discovery.inference.weighing import Prior, projected
 from app.discovery.residuals.rows import Residuals
 

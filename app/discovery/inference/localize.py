@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from app.discovery.dataset.subject import Cause, Theta
-from app.discovery.inference.evidence import fitted, forms_of
+from app.discovery.dataset.model_under_test import Cause, Theta
+from app.discovery.inference.mixed_effects import fitted, forms_of
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.rows import Residuals

@@ -10,8 +10,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.subject import Catalogue, Theta
-from app.discovery.inference.evidence import Covariances, MixedEffectsFit, fitted
+from app.discovery.dataset.model_under_test import Catalogue, Theta
+from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, fitted
 from app.discovery.inference.screen import Screening, Suspect
 from app.discovery.inference.weighing import Prior, log_evidence, posterior
 from app.discovery.residuals.predict import Predictor, Trials

@@ -8,12 +8,12 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
+from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
 from app.discovery.inference.ends import Ends, found_ends, turned
-from app.discovery.inference.evidence import fitted
 from app.discovery.inference.localize import Located, localized
+from app.discovery.inference.mixed_effects import fitted
 from app.discovery.inference.weighing import CALIBRATED, Finding, Prior, Weighing, habit, weigh
-from app.discovery.residuals.field import AFTER, Basis
+from app.discovery.residuals.displacement_field import AFTER, Basis
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.rows import Residuals

@@ -14,8 +14,8 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.subject import Cause, Family
-from app.discovery.inference.evidence import Covariances, Forms, MixedEffectsFit, fitted
+from app.discovery.dataset.model_under_test import Cause, Family
+from app.discovery.inference.mixed_effects import Covariances, Forms, MixedEffectsFit, fitted
 from app.discovery.residuals.rows import Residuals
 
 HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}

@@ -7,7 +7,7 @@ neither: it is of no known cause, until `formula` says which force it is.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from app.discovery.dataset.subject import Catalogue, Cause
+from app.discovery.dataset.model_under_test import Catalogue, Cause
 from app.discovery.residuals.sensitivity import Step, switch_of
 from app.sim.model.params import index
 

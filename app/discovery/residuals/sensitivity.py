@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.types import Points
-from app.discovery.dataset.subject import NUMERICS, Catalogue, Cause, Theta
-from app.discovery.residuals.direct import Change, best_by_log, direct_blocks, direct_rows
-from app.discovery.residuals.field import MODES, REVERSED, Basis, registered
+from app.discovery.dataset.model_under_test import NUMERICS, Catalogue, Cause, Theta
+from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
+from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, registered
 from app.discovery.residuals.predict import Predictor, PushParticles, Trials
 from app.discovery.residuals.rows import Block, Residuals
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.discovery.dataset.subject import RodModel, Subject
+from app.discovery.dataset.model_under_test import RodModel, Subject
 from app.sim.model.catalogue import EFFECTS
 from app.sim.model.scene import Scene
 from app.sim.rods.effect import RodSetting

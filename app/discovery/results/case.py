@@ -12,7 +12,7 @@ from jaxtyping import Float32, Float64
 from app.core.geometry.track import Track
 from app.core.measured_setup import MeasuredSetup
 from app.core.types import Points
-from app.discovery.dataset.subject import Family, Theta
+from app.discovery.dataset.model_under_test import Family, Theta
 from app.discovery.residuals.sensitivity import Step
 
 Name: TypeAlias = Literal["named", "set", "none", "none_of_these"]

@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.core.types import Points
-from app.discovery.dataset.subject import Theta
+from app.discovery.dataset.model_under_test import Theta
 from app.discovery.inference.decide import left_out_thetas, theta_of
-from app.discovery.inference.evidence import fitted
+from app.discovery.inference.mixed_effects import fitted
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.residuals.field import Basis, registered
+from app.discovery.residuals.displacement_field import Basis, registered
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.sensitivity import moved
 from app.discovery.results.case import Example, Gain

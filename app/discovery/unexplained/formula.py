@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
-from app.discovery.dataset.subject import Catalogue, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out, is_earned
 from app.discovery.inference.refine import RefinedModel, refine, started
 from app.discovery.inference.screen import Screening, Suspect
@@ -19,8 +19,8 @@ from app.discovery.residuals.forces import FEATURES, FORMULA, parameters, with_f
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step
-from app.discovery.unexplained.leftover import Leftover, leftover, something_left
-from app.discovery.unexplained.library import Library, Widened, library
+from app.discovery.unexplained.basis_functions import Library, Widened, library
+from app.discovery.unexplained.residual_test import Leftover, leftover, something_left
 
 _MOST = 3
 """Features of a formula."""

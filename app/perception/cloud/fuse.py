@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from app.core.geometry.camera import CameraModel
-from app.core.system.native import load_open3d
+from app.core.system.shared_libraries import load_open3d
 from app.core.types import Cloud, DepthImage
 from app.perception.cloud.depth import nearest, project
 

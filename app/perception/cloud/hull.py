@@ -20,8 +20,8 @@ from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud
 from app.perception.cloud.depth import project
 from app.perception.cloud.fuse import Box
-from app.perception.cloud.look import Some
-from app.perception.cloud.memory import CameraObservation
+from app.perception.cloud.occlusion_memory import CameraObservation
+from app.perception.cloud.view_diagnostics import Some
 
 Solid: TypeAlias = Bool[np.ndarray, "a b c"]
 Pixels: TypeAlias = Float32[np.ndarray, "height width"]

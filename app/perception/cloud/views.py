@@ -11,9 +11,9 @@ from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.cloud.depth import behind_an_edge, deproject
 from app.perception.cloud.fuse import Box, merge, not_seen_through, without_outliers
-from app.perception.cloud.look import ViewDiagnostics, apart_m, thinned
-from app.perception.cloud.memory import CameraObservation
-from app.perception.cloud.shadow import Shadow
+from app.perception.cloud.occlusion_memory import CameraObservation
+from app.perception.cloud.robot_mask import Shadow
+from app.perception.cloud.view_diagnostics import ViewDiagnostics, apart_m, thinned
 
 _NEIGHBOURS = 8
 _SPREAD = 3.0

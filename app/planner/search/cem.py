@@ -12,10 +12,10 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.core.messages import Origin
 from app.core.types import Points
-from app.planner.search.film import compile_film, film
 from app.planner.search.optimise import Descended, Descent, descend
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
+from app.planner.search.rollout_frames import compile_film, film
 from app.planner.search.tree import Rollout, Search, Start, simulate, start
 from app.policy.base import Now
 

@@ -18,9 +18,9 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.film import RolloutFrames, compile_film, film
 from app.planner.search.optimise import Descended, Descent, Optimise, descend
 from app.planner.search.request import PlanRequest, Ways
+from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
 from app.planner.search.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from app.policy.base import Now
-from app.policy.pictures import OrthographicView
+from app.policy.orthographic_views import OrthographicView
 
 Views: TypeAlias = tuple[OrthographicView, ...]
 TOOL = 7

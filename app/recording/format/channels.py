@@ -5,10 +5,11 @@ from types import MappingProxyType
 from typing import Final
 
 from app.core.dialogue.approval import Approved
+from app.core.dialogue.camera_calibration_messages import BoardSeen, Placing
 from app.core.dialogue.checklist import Checklist, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
-from app.core.dialogue.doubt import Verdict, Watched
-from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.dialogue.demonstration_messages import Take
+from app.core.dialogue.model_monitor_messages import Verdict, Watched
 from app.core.dialogue.requests import (
     CalibrationRequest,
     ClipRequest,
@@ -20,8 +21,7 @@ from app.core.dialogue.requests import (
     ProbeRequest,
     TakeRequest,
 )
-from app.core.dialogue.seeing import Seen
-from app.core.dialogue.takes import Take
+from app.core.dialogue.segmentation_message import Seen
 from app.core.errors import RecordingError
 from app.core.messages import (
     ArmState,

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import AbstractArray
 
 from app.core.messages import Message
-from app.recording.format.dialect import in_dialect
+from app.recording.format.json_schema_subset import in_dialect
 
 MessageT = TypeVar("MessageT", bound=Message)
 

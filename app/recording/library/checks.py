@@ -23,7 +23,7 @@ from app.recording.format.channels import (
 from app.recording.format.integrity import DAMAGE, version_of
 from app.recording.format.migrate import decode_of
 from app.recording.format.records import FrameRecord
-from app.recording.library.shelf import Entry, entry
+from app.recording.library.recording_index import Entry, entry
 
 _OURS: Final = "/dipac/"
 _CAUSE: Final = "name a cause that is not in the recording before them"

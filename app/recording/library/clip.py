@@ -17,8 +17,8 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Model
 from app.recording.format import digests
 from app.recording.format.channels import METADATA, topic_of
+from app.recording.format.clock_offset import Epoch
 from app.recording.format.codec import encode
-from app.recording.format.epoch import Epoch
 from app.recording.format.integrity import DAMAGE, damaged
 from app.recording.write.copying import write_records
 from app.recording.write.file import metadata_of

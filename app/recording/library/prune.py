@@ -10,7 +10,7 @@ from typing import final
 from app.core.errors import RecordingError
 from app.recording.format import digests
 from app.recording.format.lock import held
-from app.recording.library.shelf import Entry
+from app.recording.library.recording_index import Entry
 
 _DAY_S, _JUST_S = 86400.0, 600.0
 

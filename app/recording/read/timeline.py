@@ -15,7 +15,7 @@ from typing import IO, Final, final
 from mcap.reader import McapReader, make_reader
 
 from app.core.dialogue.requests import GoalRequest, PictureGoalRequest
-from app.core.dialogue.seeing import Seen
+from app.core.dialogue.segmentation_message import Seen
 from app.core.errors import RecordingError
 from app.core.messages import (
     ArmState,
@@ -34,7 +34,7 @@ from app.core.messages import (
 from app.recording.format.channels import KINDS, TOPICS
 from app.recording.format.index import Times, frame_times, log_times
 from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
-from app.recording.read.marks import Mark, marks_of
+from app.recording.read.event_index import Mark, marks_of
 from app.recording.read.reader import Logged, logged_messages
 
 NEWEST: Final = (

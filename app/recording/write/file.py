@@ -11,10 +11,10 @@ from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
 from app.core.messages import Episode, Message
 from app.recording.format.channels import METADATA, SCHEMA_VERSION, record_of, topic_of
+from app.recording.format.clock_offset import Epoch
 from app.recording.format.codec import encode, schema
-from app.recording.format.epoch import Epoch
 from app.recording.format.lock import hold
-from app.recording.write.views import Viewable, views
+from app.recording.write.foxglove_messages import Viewable, views
 
 
 @final

@@ -19,7 +19,7 @@ from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Message
 from app.recording.format import digests
 from app.recording.format.channels import topic_of
-from app.recording.format.epoch import Epoch
+from app.recording.format.clock_offset import Epoch
 from app.recording.format.names import numbered
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder

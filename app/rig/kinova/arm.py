@@ -6,9 +6,9 @@ from functools import partial
 from app.arm.opened import opened_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
+from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
 from app.rig.kinova.client.clients import DEFAULT
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.configured import DELIVERED, Holds
 from app.rig.kinova.control import taken
 
 

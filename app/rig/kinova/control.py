@@ -13,19 +13,19 @@ from app.config import Site
 from app.core.dialogue.jog import Jog
 from app.core.errors import MotionRefused
 from app.core.messages import ArmMode
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.types import ToolPath, ToolPose
-from app.rig.kinova.along import Along
+from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
 from app.rig.kinova.client.clients import DEFAULT, linked
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.configured import DELIVERED, Holds
+from app.rig.kinova.command_handle import Errand
 from app.rig.kinova.driver import Driver
-from app.rig.kinova.errand import Errand
+from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.gen3 import Joints
-from app.rig.kinova.guard import held_back
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.legs import stretches
-from app.rig.kinova.seen import ArmFeedback
+from app.rig.kinova.path_progress import Along
+from app.rig.kinova.trajectory_segments import stretches
+from app.rig.kinova.workspace_limiter import held_back
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."
 _OFF_M, _AWAY_M = 0.015, 0.008

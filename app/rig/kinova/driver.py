@@ -17,12 +17,12 @@ from jaxtyping import Float64
 from app.config import Site
 from app.core.errors import DeviceError
 from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
-from app.rig.kinova.configured import Holds, OwnLimits, check
-from app.rig.kinova.errand import Errand, Superseded, made
+from app.rig.kinova.arm_configuration_check import Holds, OwnLimits, check
+from app.rig.kinova.command_handle import Errand, Superseded, made
+from app.rig.kinova.feedback_conversion import ArmFeedback, seen
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.legs import Stretch, in_base
-from app.rig.kinova.seen import ArmFeedback, seen
+from app.rig.kinova.trajectory_segments import Stretch, in_base
 
 FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
 """Periods [s] of feedback, of keep-alive, and of twists: the arm executes 40 commands a second."""

@@ -11,8 +11,8 @@ import threading
 from typing import Final, final
 
 from app.rig.kinova.api.errors import LinkLost, Refused
+from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.seen import ArmFeedback
 
 _LONG_S: Final = 0.05
 """Time [s] that the current must exceed the limit: the motor draws more for a moment as it starts."""

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.errors import MotionRefused
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.rig.kinova.api import calls
 from app.rig.kinova.api.codes import ArmStateCode, ControlMode, GripperMode, ReferenceFrame, ServoingMode, ShapeType
+from app.rig.kinova.api.error_messages import TRAJECTORY_ERRORS
 from app.rig.kinova.api.feedback import Feedback
 from app.rig.kinova.api.messages import (
     Action,
@@ -40,7 +41,6 @@ from app.rig.kinova.api.setup import (
     TwistLinearSoftLimit,
     ZoneShape,
 )
-from app.rig.kinova.api.words import TRAJECTORY_ERRORS
 from app.rig.kinova.client.link import Link
 
 _EXECUTE_WAYPOINTS, _REACH_JOINTS = 41, 7

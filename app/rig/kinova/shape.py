@@ -8,8 +8,8 @@ less than 3 mm outside of all capsules, and the farthest is 5.3 mm; the mask of 
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.limbs import ArmShape, Joint, Limb
-from app.core.geometry.stage import Finger, Paddle, Tool, Vector
+from app.core.geometry.arm_geometry import ArmShape, Joint, Limb
+from app.core.geometry.scene_description import Finger, Paddle, Tool, Vector
 from app.rig.kinova.gen3 import FIXED, FLANGE_M, Joints, frames
 
 _Z: Vector = (0.0, 0.0, 1.0)

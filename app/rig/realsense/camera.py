@@ -7,8 +7,8 @@ import numpy as np
 from app.core.errors import DeviceError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
-from app.core.view import SharedMemoryCamera
-from app.rig.realsense.keeper import Keeper
+from app.core.shared_memory_camera import SharedMemoryCamera
+from app.rig.realsense.camera_supervisor import Keeper
 from app.rig.realsense.memory import Arrived
 
 _SAME_PX, _SAME_UNIT = 0.01, 1e-3

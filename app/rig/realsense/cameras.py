@@ -8,11 +8,11 @@ from anyio import to_thread
 
 from app.config import Timing
 from app.core.errors import DeviceError, first_error
-from app.core.view import SharedMemoryCamera
+from app.core.shared_memory_camera import SharedMemoryCamera
 from app.rig.realsense.camera import RealSenseCamera
-from app.rig.realsense.keeper import Keeper
-from app.rig.realsense.ladder import Patience
-from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.camera_mounts import Mounted
+from app.rig.realsense.camera_supervisor import Keeper
+from app.rig.realsense.recovery_policy import Patience
 
 _START_S = 30.0
 

@@ -11,12 +11,12 @@ from contextlib import ExitStack
 from typing import final
 
 from app.core.errors import DeviceError
-from app.rig.realsense.ladder import Step
 from app.rig.realsense.memory import Arrived, CaptureMemory, CaptureReport, Identity
-from app.rig.realsense.sdk.bus import found
-from app.rig.realsense.sdk.dating import Dating
+from app.rig.realsense.recovery_policy import Step
+from app.rig.realsense.sdk.device_enumeration import found
 from app.rig.realsense.sdk.sdk import Sdk
 from app.rig.realsense.sdk.sources import CameraAbsent, Source
+from app.rig.realsense.sdk.timestamping import Dating
 from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.stream import AlignedImages, OpenedCamera, Stream, StreamEnded, streaming
 

@@ -6,10 +6,10 @@ from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 
+from app.core.shared_memory_camera import image_ring
 from app.core.system.ring import Ring, Stamp
 from app.core.types import ColourImage, DepthImage, Intrinsics
-from app.core.view import image_ring
-from app.rig.realsense.ladder import Step
+from app.rig.realsense.recovery_policy import Step
 from app.rig.realsense.settings import StreamSettings
 
 Command: TypeAlias = Literal["open", "reset"]

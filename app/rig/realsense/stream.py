@@ -10,11 +10,11 @@ import numpy as np
 
 from app.core.errors import DeviceError
 from app.core.types import ColourImage, DepthImage, Intrinsics
-from app.rig.realsense.sdk.bus import Listed, described, warning
-from app.rig.realsense.sdk.dating import ClockReading, Domain
+from app.rig.realsense.sdk.device_enumeration import Listed, described, warning
 from app.rig.realsense.sdk.rectify import Rectifier
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 from app.rig.realsense.sdk.sources import Source
+from app.rig.realsense.sdk.timestamping import ClockReading, Domain
 from app.rig.realsense.settings import Filters, StreamSettings
 
 _AT_ONCE_MS = 200

@@ -9,7 +9,7 @@ from anyio import to_thread
 from app.arm.opened import opened_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.world import Nodes

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.core.geometry.limbs import ArmShape, Joint, Limb
-from app.core.geometry.stage import Tool
+from app.core.geometry.arm_geometry import ArmShape, Joint, Limb
+from app.core.geometry.scene_description import Tool
 from app.rig.simulated.cameras.appearance import RODS
 from app.rig.simulated.worlds.arm_model import OFFSETS_M
 

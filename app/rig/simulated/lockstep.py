@@ -11,13 +11,13 @@ import numpy as np
 from app.arm.gate import begin
 from app.config import Site
 from app.core.errors import MotionRefused
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.messages import Executed, Frame, fresh_id
 from app.core.motion import Motion
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.cameras.eyes import SimulatedCameras
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.world import Nodes
 

@@ -14,13 +14,13 @@ from app.arm.memory import ArmMemory
 from app.arm.process import Controlled, run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
+from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.limbs import ArmShape
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.ports import Arm, Camera
+from app.core.shared_memory_camera import image_ring
 from app.core.system.processes import end, process, ready
 from app.core.system.ring import Ring
-from app.core.view import image_ring
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.cameras.camera import SimulatedCamera
 from app.rig.simulated.cameras.camera_process import run_cameras

@@ -12,7 +12,7 @@ from typing import Any, final
 import numpy as np
 
 from app.arm.memory import ArmMemory
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.system.ring import Ring
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import solve_joints

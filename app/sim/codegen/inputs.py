@@ -10,10 +10,10 @@ from typing import Any, final
 
 import warp as wp
 
-from app.sim.codegen.compiled import Code
+from app.sim.codegen.kernel_codegen import Code
 from app.sim.constants import Constants, Matter
+from app.sim.effect_composition import columns
 from app.sim.effects.base import Grain
-from app.sim.hooks import columns
 from app.sim.model.params import NOMINAL_PHYSICS
 
 

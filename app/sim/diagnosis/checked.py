@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.core.errors import SimulationError
-from app.sim.diagnosis.autopsy import MpmCase, single
 from app.sim.diagnosis.dump import Dump, leave_dump
-from app.sim.diagnosis.rod_autopsy import RodCase, single_rod
+from app.sim.diagnosis.failure_diagnosis import MpmCase, single
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase, single_rod
 from app.sim.rods.checks import RodSetup, require_rod_inputs
 from app.sim.rods.domain import are_whole
 from app.sim.rods.effect import RodSetting

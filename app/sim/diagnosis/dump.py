@@ -21,11 +21,11 @@ import numpy as np
 
 from app import __version__
 from app.core.errors import DipacError, RecordingError, UsageError
-from app.sim.diagnosis.autopsy import MpmCase
-from app.sim.diagnosis.rod_autopsy import RodCase
+from app.sim.diagnosis.failure_diagnosis import MpmCase
 from app.sim.diagnosis.rod_dump import rod_arrays, rod_case_of, rod_header
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase
 from app.sim.model.entries import check_parameters, effect_names, fields_entry, from_entry, named_effects
-from app.sim.model.known import known_materials, known_tools
+from app.sim.model.registry import known_materials, known_tools
 from app.sim.model.scene import Body, Scene
 from app.sim.runtime.checks import Setup, require_shapes
 from app.sim.state import Setting, State

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from app.sim.diagnosis.rod_autopsy import RodCase
+from app.sim.diagnosis.rod_failure_diagnosis import RodCase
 from app.sim.model.entries import check_parameters, effect_names, fields_entry, from_entry, named_effects
 from app.sim.rods import scene as scenes
 from app.sim.rods.checks import RodSetup, require_rod_shapes

@@ -22,7 +22,8 @@ def _struct(fields: type[ClassT]) -> type[ClassT]:
 class Node:
     """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's.
 
-    `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0. `every`: see `app.sim.hooks`.
+    `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0. `every`: see
+    `app.sim.effect_composition`.
     """
 
     x: wp.vec3

@@ -10,8 +10,8 @@ from typing import Any, Protocol, final
 
 import warp as wp
 
+from app.sim.effect_composition import Hooks
 from app.sim.effects.base import Grain, WarpFunction
-from app.sim.hooks import Hooks
 
 LEAST_VOLUME = wp.constant(0.1)
 """The pressure stops growing below this relative volume, where a logarithm would end in NaN."""

@@ -14,8 +14,8 @@ from typing import Any, final
 import warp as wp
 
 from app.sim.constants import Matter
+from app.sim.effect_composition import Hooks
 from app.sim.effects.base import Grain, WarpFunction
-from app.sim.hooks import Hooks
 from app.sim.materials.base import Law, strained
 
 

@@ -19,8 +19,8 @@ from typing import Any, final
 import warp as wp
 
 from app.sim.constants import Matter
+from app.sim.effect_composition import Hooks
 from app.sim.effects.base import Grain, WarpFunction
-from app.sim.hooks import Hooks
 from app.sim.materials.base import LEAST_VOLUME, Law, deviator, flowed, lame_of, norm, strained
 
 LOOSE = wp.constant(1.16)

@@ -10,8 +10,8 @@ from typing import Any, final
 import warp as wp
 
 from app.sim.constants import Matter
+from app.sim.effect_composition import Hooks
 from app.sim.effects.base import Grain, WarpFunction
-from app.sim.hooks import Hooks
 from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strained
 
 

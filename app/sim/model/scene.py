@@ -8,7 +8,7 @@ import numpy as np
 from app.core.errors import ParameterError
 from app.sim.materials.base import Law, Material
 from app.sim.materials.elastic import Elastic
-from app.sim.model.known import known_materials
+from app.sim.model.registry import known_materials
 from app.sim.tools.base import Tool
 from app.sim.tools.finger import FingerCollider
 

@@ -12,9 +12,9 @@ import warp as wp
 from app.sim.codegen.inputs import Place, Types
 from app.sim.constants import Constants
 from app.sim.effects.base import WarpFunction
-from app.sim.mpm.blocks import cells, inside
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.p2g import finite
+from app.sim.mpm.sparse_grid_blocks import cells, inside
 from app.sim.mpm.transfer import gather, gather_adjoint
 
 

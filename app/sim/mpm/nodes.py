@@ -10,9 +10,9 @@ import warp as wp
 from app.sim.codegen.inputs import Place, Types
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.effects.base import Node, WarpFunction
-from app.sim.mpm.blocks import node_position
 from app.sim.mpm.memory import Grid, GridBars
-from app.sim.mpm.packed import load_node, store_node
+from app.sim.mpm.simd_layout import load_node, store_node
+from app.sim.mpm.sparse_grid_blocks import node_position
 
 LEAST_MASS = wp.constant(1.0e-8)
 """Nodes with less than this share of a particle's mass do not move: the square of their mass would underflow."""

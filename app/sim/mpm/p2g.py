@@ -12,11 +12,11 @@ import warp as wp
 from app.sim.codegen.inputs import Place, Types, grain_of
 from app.sim.constants import Constants, Matter
 from app.sim.effects.base import WarpFunction
-from app.sim.mpm.blocks import cells, enlist, enlist_felt, inside
 from app.sim.mpm.memory import Grid, GridBars
-from app.sim.mpm.packed import affine as affine_of
-from app.sim.mpm.packed import load_deformation, load_motion, position
-from app.sim.mpm.packed import velocity as velocity_of
+from app.sim.mpm.simd_layout import affine as affine_of
+from app.sim.mpm.simd_layout import load_deformation, load_motion, position
+from app.sim.mpm.simd_layout import velocity as velocity_of
+from app.sim.mpm.sparse_grid_blocks import cells, enlist, enlist_felt, inside
 from app.sim.mpm.touch_transfer import scatter_touch, scatter_touch_adjoint
 from app.sim.mpm.transfer import scatter, scatter_adjoint
 

@@ -16,12 +16,12 @@ from typing import Any, final
 
 import warp as wp
 
-from app.sim.codegen.compiled import Code
 from app.sim.codegen.inputs import Place, matter_of, place_of
+from app.sim.codegen.kernel_codegen import Code
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.nodes import active_node, clear, clear_both
-from app.sim.mpm.packed import (
+from app.sim.mpm.simd_layout import (
     affine,
     load_deformation,
     load_motion,

@@ -15,12 +15,12 @@ from typing import Any, cast, final
 
 import warp as wp
 
-from app.sim.codegen.compiled import Code, hold_work, node_function, node_work, particle_function, particle_work
 from app.sim.codegen.inputs import Types, types_of
-from app.sim.codegen.touching import barrier
+from app.sim.codegen.kernel_codegen import Code, hold_work, node_function, node_work, particle_function, particle_work
+from app.sim.codegen.tool_composition import barrier
 from app.sim.constants import Constants
+from app.sim.effect_composition import compose
 from app.sim.effects.base import Grain, Node, WarpFunction
-from app.sim.hooks import compose
 from app.sim.mpm.g2p import to_particles_adjoint_of, to_particles_of
 from app.sim.mpm.nodes import node_adjoint_of, node_of
 from app.sim.mpm.p2g import to_grid_adjoint_of, to_grid_by_body, to_grid_of

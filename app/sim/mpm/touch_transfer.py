@@ -6,7 +6,7 @@
 
 import warp as wp
 
-from app.sim.mpm.native import SLOPES, STENCIL, VECTOR
+from app.sim.mpm.simd_intrinsics import SLOPES, STENCIL, VECTOR
 from app.sim.mpm.transfer import Mat34
 
 

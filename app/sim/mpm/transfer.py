@@ -14,7 +14,7 @@ Notation as in `native`: q the position in cells from the node (0, 0, 0).
 
 import warp as wp
 
-from app.sim.mpm.native import RUNS, SLOPES, STENCIL, VECTOR
+from app.sim.mpm.simd_intrinsics import RUNS, SLOPES, STENCIL, VECTOR
 
 Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
 

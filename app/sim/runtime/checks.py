@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.errors import ParameterError
-from app.sim.codegen.touching import parts
+from app.sim.codegen.tool_composition import parts
 from app.sim.effects.base import Effect
 from app.sim.model.params import parameters_with, require_ranges, with_stiffness_up_to
 from app.sim.model.scene import Scene

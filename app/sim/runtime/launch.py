@@ -13,16 +13,16 @@ import jax
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.codegen.touching import parts
+from app.sim.codegen.tool_composition import parts
 from app.sim.constants import BLOCK_NODES, Constants
-from app.sim.hooks import columns
+from app.sim.effect_composition import columns
 from app.sim.model.params import NOMINAL_PHYSICS
 from app.sim.model.scene import Scene
 from app.sim.mpm.memory import Grid, GridBars
-from app.sim.mpm.packed import QUADS, pack, unpack
-from app.sim.runtime.budget import bytes_of, require
+from app.sim.mpm.simd_layout import QUADS, pack, unpack
 from app.sim.runtime.calls import make_warp_call
-from app.sim.runtime.numbers import block_count_of, constants_of
+from app.sim.runtime.device_constants import block_count_of, constants_of
+from app.sim.runtime.memory_estimate import bytes_of, require
 from app.sim.runtime.schedule import Bars, Schedule, Work
 from app.sim.state import Setting, State
 

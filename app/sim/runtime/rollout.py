@@ -12,7 +12,7 @@ from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.model.catalogue import EFFECTS
 from app.sim.model.scene import Scene
-from app.sim.mpm.packed import unpack
+from app.sim.mpm.simd_layout import unpack
 from app.sim.runtime.checks import Setup, require_counts, require_shapes
 from app.sim.runtime.directions import directed
 from app.sim.runtime.launch import make_operations

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, Protocol, final
 
 import warp as wp
 
-from app.sim.codegen.compiled import Code
-from app.sim.codegen.touching import parts
+from app.sim.codegen.kernel_codegen import Code
+from app.sim.codegen.tool_composition import parts
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.model.scene import Scene

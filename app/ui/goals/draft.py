@@ -6,7 +6,7 @@ from typing import Final, Literal, TypeAlias, final
 
 import numpy as np
 
-from app.core import drawn
+from app.core import goal_shapes as drawn
 from app.core.types import Points
 
 Kind: TypeAlias = Literal["none", "copy", "curve", "region"]

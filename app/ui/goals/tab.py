@@ -17,11 +17,11 @@ from app.core.messages import fresh_id
 from app.core.types import Points
 from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, GoalDraft, Kind, on_table
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
-from app.ui.server.doorkeeper import DRAFT
-from app.ui.view.beads import Beads
+from app.ui.parts.operator_controller import Desk
+from app.ui.server.message_validation import DRAFT
+from app.ui.view.particle_cloud import Beads
 
 _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
 _SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 from app.core.dialogue import words
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.drift import Moved
 
 _FAR = 0.5

@@ -10,8 +10,8 @@ import viser
 
 from app.core.messages import Proposal
 from app.ui.parts import cards
-from app.ui.parts.board import Board
-from app.ui.parts.desk import Desk
+from app.ui.parts.console_state import Board
+from app.ui.parts.operator_controller import Desk
 
 _TAKE, _GIVE = "Take", "Release"
 _ARMING_S = 0.5

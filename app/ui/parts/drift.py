@@ -7,7 +7,7 @@ from typing import final
 from app.config import Timing
 from app.core.dialogue.approval import drift
 from app.core.messages import Particles, Proposal
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 
 
 @final

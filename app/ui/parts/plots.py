@@ -8,7 +8,7 @@ from viser import uplot
 
 from app.core.dialogue.words import millimetres
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 
 HEIGHT_PX = 180
 PADDING_PX = (12, 24, 0, 0)

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import UInt8
 
 from app.core.dialogue import words
-from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.dialogue.camera_calibration_messages import BoardSeen, Placing
 from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
 from app.ui.parts import palette
-from app.ui.parts.board import Board
 from app.ui.parts.cards import table, toned
-from app.ui.view import masks
+from app.ui.parts.console_state import Board
+from app.ui.view import overlays as masks
 
 _MM: Final = 1e3
 _DOT_PX: Final = 2

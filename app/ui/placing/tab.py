@@ -10,9 +10,9 @@ import viser
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
 from app.core.geometry.charuco import Charuco
 from app.core.messages import fresh_id
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 from app.ui.parts.text import Text
 from app.ui.placing import cards
 

@@ -7,15 +7,15 @@ import numpy as np
 import viser
 
 from app.core.messages import Proposal
-from app.core.reshaped import is_level, reshaped
+from app.core.path_similarity_transform import is_level, reshaped
 from app.core.types import Path3
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 from app.ui.plans.ghosts import Way
 from app.ui.plans.look import PreviewState
-from app.ui.server.doorkeeper import ENDS
+from app.ui.server.message_validation import ENDS
 
 _HANDLE_M = 0.12
 

@@ -8,7 +8,7 @@ import viser
 from app.core.messages import Branch
 from app.ui.parts import palette
 from app.ui.plans.look import PreviewState
-from app.ui.view.beads import Beads
+from app.ui.view.particle_cloud import Beads
 from app.ui.view.paths import segments
 from app.ui.view.tool import DrawnGripper, Flat
 

@@ -6,8 +6,8 @@ import viser
 
 from app.core.messages import Proposal
 from app.core.types import Points
-from app.ui.parts.board import Board
-from app.ui.parts.desk import Desk
+from app.ui.parts.console_state import Board
+from app.ui.parts.operator_controller import Desk
 from app.ui.plans import cards
 from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts

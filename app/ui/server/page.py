@@ -10,7 +10,7 @@ from html import escape
 from importlib.resources import files
 from typing import Final, Literal, TypeAlias, final
 
-from app.ui.server.drawer import drawer
+from app.ui.server.jog_panel import drawer
 
 
 @final

@@ -15,11 +15,11 @@ import aiohttp
 import anyio
 from aiohttp import web
 
-from app.ui.parts.pace import RateLimiter
+from app.ui.parts.rate_limiter import RateLimiter
 from app.ui.server.access import Access
-from app.ui.server.backstage import PROXY_HEADER
-from app.ui.server.doorkeeper import BURST, MOST_BYTES, STEADY_HZ, refusal
+from app.ui.server.message_validation import BURST, MOST_BYTES, STEADY_HZ, refusal
 from app.ui.server.page import ASSETS, ENTERING, Page, refused
+from app.ui.server.viser_host import PROXY_HEADER
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 

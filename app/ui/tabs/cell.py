@@ -12,11 +12,12 @@ from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
 from app.core.types import ColourImage
 from app.ui.parts import cards, palette
-from app.ui.parts.board import Board
-from app.ui.parts.desk import Desk
+from app.ui.parts.console_state import Board
+from app.ui.parts.operator_controller import Desk
 from app.ui.parts.text import Text
 from app.ui.tabs.tuning import Tuning
-from app.ui.view import masks, views
+from app.ui.view import overlays as masks
+from app.ui.view import views
 from app.ui.view.clouds import SHOWN, Clouds, Show
 from app.ui.view.scene import ConsoleScene
 

@@ -7,9 +7,9 @@ import viser
 
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.messages import fresh_id
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 
 _CONFIRM: Final = {
     "emergency": "I tried the emergency stop",

@@ -7,9 +7,9 @@ import viser
 from app.core.dialogue import words
 from app.core.dialogue.requests import ClipRequest, TakeAct, TakeRequest
 from app.core.messages import fresh_id
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 
 _WANTED: Final = 10
 """Demonstrations that a calibration needs (paper, section V)."""

@@ -14,9 +14,9 @@ from app.core.dialogue import words
 from app.core.errors import DipacError
 from app.core.messages import Model
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 from app.ui.parts.plots import HEIGHT_PX, PADDING_PX, line
 from app.ui.parts.text import Text
 from app.ui.tabs import models

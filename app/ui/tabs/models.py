@@ -11,8 +11,8 @@ from typing import Final
 from app.core.dialogue import words
 from app.core.messages import Model, Parameter
 from app.ui.parts import palette
-from app.ui.parts.board import Board, Made
 from app.ui.parts.cards import table
+from app.ui.parts.console_state import Board, Made
 
 _MM: Final = 1e3
 _PICTURE_WIDTH, _MARGIN = 300.0, 8.0

@@ -7,9 +7,9 @@ import viser
 from app.core.dialogue import words
 from app.core.dialogue.control import EndRequest, ModeName, ModeRequest
 from app.core.messages import fresh_id
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 
 _PRESSED: Final[dict[str, ModeName]] = {words.MODES[mode]: mode for mode in words.MODES if mode != "automatic"}
 _FIRST, _MOST = 3, 100

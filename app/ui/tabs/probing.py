@@ -7,7 +7,7 @@ import viser
 from app.core.dialogue.requests import ProbeRequest
 from app.core.messages import fresh_id
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 
 _FIRST, _MOST = 24, 400
 """Pushes."""

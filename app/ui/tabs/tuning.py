@@ -7,9 +7,9 @@ import viser
 
 from app.core.colours import ColourRange
 from app.core.errors import ParameterError
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 from app.ui.parts.decision import operator
-from app.ui.parts.desk import Desk
+from app.ui.parts.operator_controller import Desk
 from app.ui.parts.text import Text
 
 _WHOLE_CIRCLE: Final = 360.0

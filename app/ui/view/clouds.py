@@ -8,7 +8,7 @@ from jaxtyping import Float32, UInt8
 
 from app.core.messages import Frame, Particles
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 
 Show: TypeAlias = Literal["off", "by camera", "as seen"]
 SHOWN: Final[tuple[Show, ...]] = get_args(Show)

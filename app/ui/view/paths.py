@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.messages import Proposal
 from app.core.motion import Motion
 from app.ui.parts import palette
-from app.ui.parts.board import Board
+from app.ui.parts.console_state import Board
 
 _LIFT_M = 0.004
 """Height of the lines above their paths, so that the table does not hide them."""

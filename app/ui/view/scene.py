@@ -12,8 +12,8 @@ from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Frame
 from app.core.types import Points
 from app.ui.parts import palette
-from app.ui.parts.board import Board
-from app.ui.view.beads import Beads
+from app.ui.parts.console_state import Board
+from app.ui.view.particle_cloud import Beads
 from app.ui.view.paths import Paths, along
 from app.ui.view.tool import DrawnGripper, Flat
 

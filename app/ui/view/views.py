@@ -7,11 +7,11 @@ from html import escape
 from typing import Final, Literal, TypeAlias
 
 from app.core.dialogue import words
-from app.core.dialogue.seeing import Seen
+from app.core.dialogue.segmentation_message import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
-from app.ui.parts.board import Board
 from app.ui.parts.cards import table, toned
+from app.ui.parts.console_state import Board
 
 Origin: TypeAlias = Literal["simulated", "recorded", "real"]
 """Source of the cameras' images."""

@@ -3,9 +3,9 @@
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.rig.simulated.hidden.base import Hidden, Injected, Moment
-from app.rig.simulated.hiding import known
-from app.rig.simulated.worlds.intrusion import Intrusion
+from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.injected_effects.base import Hidden, Injected, Moment
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from tests.rig.scene import FINGER, ROPE, straight_rope

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.discovery.dataset.subject import catalogue
-from app.rig.simulated import hidden
+from app.discovery.dataset.model_under_test import catalogue
+from app.rig.simulated import injected_effects as hidden
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.rig.simulated.hidden.base import Injected, SensorImages
-from app.rig.simulated.hiding import IMPOSSIBLE, InjectionRequest, draw, known
+from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, known
+from app.rig.simulated.injected_effects.base import Injected, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.discovery_subject import subject_of
 from tests.rig.hidden.moments import track, world
 from tests.rig.scene import PUSH_Z, ROPE
 

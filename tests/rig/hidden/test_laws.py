@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
-from app.rig.simulated.hidden.base import SensorImages
+from app.rig.simulated.injected_effects.base import SensorImages
 from app.rig.simulated.worlds.engine import mujoco
 from app.rig.simulated.worlds.physics import RopePhysics, WorldPhysics
 from app.rig.simulated.worlds.rope import add_rope, resample

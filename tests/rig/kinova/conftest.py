@@ -14,8 +14,8 @@ from app.rig.kinova.api.messages import CartesianWaypoint, Pose
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.link import Address, Link
 from app.rig.kinova.client.official import OfficialLink
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 
 NO_WHEEL = "kortex_api, Kinova's own client, is not on any index; docs/kinova.md says where its wheel is"

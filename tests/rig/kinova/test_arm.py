@@ -16,9 +16,9 @@ from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError, MotionRefused
 from app.core.motion import Motion
 from app.core.ports import Arm
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.rig.kinova.arm import kinova_arm
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.process import FakeProcess
 from tests.rig.kinova.conftest import address, tool, until
 from tests.rig.scene import approved
 

@@ -13,15 +13,15 @@ from app.core.errors import MotionRefused, PreflightError
 from app.rig.kinova import gen3
 from app.rig.kinova.api import calls
 from app.rig.kinova.api.codes import ActionEvent, ArmStateCode, ServoingMode
+from app.rig.kinova.api.error_messages import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
 from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.api.messages import ActionNotification
 from app.rig.kinova.api.session import ArmStateNotification, Empty
-from app.rig.kinova.api.words import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.link import Link
 from app.rig.kinova.client.official import OfficialLink
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import PATIENT_S, address, keep_alive, tool, until, way
 

@@ -14,12 +14,12 @@ from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError, MotionRefused
 from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
-from app.core.refusal import Refusal
+from app.core.rejection_codes import Refusal
 from app.rig.kinova import gen3
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import PATIENT_S, address, tool, until
 

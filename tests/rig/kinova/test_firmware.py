@@ -14,6 +14,7 @@ import pytest
 
 from app.rig.kinova.api import calls
 from app.rig.kinova.api.codes import ActionEvent
+from app.rig.kinova.api.error_messages import SESSION_NOT_IN_CONTROL
 from app.rig.kinova.api.errors import Refused
 from app.rig.kinova.api.messages import (
     ActionNotification,
@@ -27,15 +28,14 @@ from app.rig.kinova.api.messages import (
 )
 from app.rig.kinova.api.session import Empty, SessionInfo
 from app.rig.kinova.api.setup import Point, ProtectionZone, ZoneShape
-from app.rig.kinova.api.words import SESSION_NOT_IN_CONTROL
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.fingers import FULL_S, Fingers
-from app.rig.kinova.fake.process import FakeProcess
-from app.rig.kinova.fake.sessions import PASSWORD, USER, Sessions
-from app.rig.kinova.fake.timed import ACCELERATION_M_S2, TimedPath
-from app.rig.kinova.fake.zones import inside
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.fingers import FULL_S, Fingers
+from app.rig.kinova.emulator.process import FakeProcess
+from app.rig.kinova.emulator.sessions import PASSWORD, USER, Sessions
+from app.rig.kinova.emulator.timed import ACCELERATION_M_S2, TimedPath
+from app.rig.kinova.emulator.zones import inside
 from app.rig.kinova.gen3 import tool as forward
 from app.rig.kinova.kortex import Kortex
 from tests.conftest import ROOT
@@ -283,7 +283,7 @@ def test_zones_are_where_their_shapes_say(shape: int, sizes: tuple, within: tupl
 
 
 _START_AND_WAIT = """
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.process import FakeProcess
 import time
 if __name__ == "__main__":
     with FakeProcess() as process:

@@ -11,11 +11,11 @@ import pytest
 from app.config import Limits, Site
 from app.core.dialogue.jog import Jog
 from app.rig.kinova.control import KinovaControl, taken
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.process import FakeProcess
+from app.rig.kinova.feedback_conversion import ArmFeedback, seen
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.seen import ArmFeedback, seen
 from tests.rig.kinova.conftest import address, until
 
 pytestmark = pytest.mark.serial

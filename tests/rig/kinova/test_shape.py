@@ -7,11 +7,11 @@ import pytest
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from app.core.geometry.arm_geometry import ArmShape, Posture
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.limbs import ArmShape, Posture
-from app.core.geometry.stage import Tool
+from app.core.geometry.scene_description import Tool
 from app.core.types import Points
-from app.perception.cloud.shadow import MARGIN_M, pieces, shadow
+from app.perception.cloud.robot_mask import MARGIN_M, pieces, shadow
 from app.rig.kinova import gen3
 from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.simulated.cameras.cameras import table_cameras

@@ -21,9 +21,9 @@ from anyio import to_thread
 from app.config import Site, Timing
 from app.core.errors import DeviceError
 from app.rig.realsense.camera import RealSenseCamera
+from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.ladder import Patience
-from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.recovery_policy import Patience
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.sdk.sources import Live, RecordedSource
@@ -251,7 +251,7 @@ import sys
 from pathlib import Path
 import anyio
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.sdk.sources import RecordedSource
 from tests.rig.realsense.test_cameras import SETTINGS, TIMING
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.motion import pointing_down
 from app.rig.realsense.sdk.sdk import Sdk
 from app.rig.realsense.sdk.software import CameraDescription

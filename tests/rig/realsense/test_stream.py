@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import DeviceError, RecordingError
-from app.rig.realsense.sdk.bus import census
+from app.rig.realsense.sdk.device_enumeration import census
 from app.rig.realsense.sdk.sdk import Opening, Sdk, load_realsense
 from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
 from app.rig.realsense.sdk.sources import CameraAbsent, Live, RecordedSource

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.discovery.dataset.subject import Family
+from app.discovery.dataset.model_under_test import Family
 from app.discovery.results.case import (
     Amount,
     Arrows,

@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.results.case import Blame, Estimate
 from app.report.drawing.size import size
 from tests.ui.report import cases

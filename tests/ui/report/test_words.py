@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from app.discovery.dataset.subject import catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.report.drawing import words
 
 CATALOGUE = catalogue()

@@ -23,7 +23,7 @@ from app.policy.base import Acted
 from app.policy.learned.base import Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import Dense, Eyes, applied
 from app.policy.learned.sight import PolicyObservation
-from app.policy.pictures import OrthographicView
+from app.policy.orthographic_views import OrthographicView
 
 _NEAR: Final = 1
 """Radius around the likeliest pixel within which it is refined, by the mean over the probabilities."""

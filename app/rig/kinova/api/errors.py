@@ -3,7 +3,7 @@
 from typing import final
 
 from app.core.errors import DeviceError
-from app.rig.kinova.api.words import refusal
+from app.rig.kinova.api.error_messages import refusal
 
 
 class WireError(DeviceError):

@@ -1,7 +1,7 @@
 """Feedback of the arm, as `BaseCyclic.RefreshFeedback` answers: metres, degrees, newtons, volts, Celsius.
 
 Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`BaseCyclic.proto`, `InterconnectCyclicMessage.proto`,
-`GripperCyclicMessage.proto`). Fault banks are bit fields; `words.py` has the meaning of each bit.
+`GripperCyclicMessage.proto`). Fault banks are bit fields; `error_messages.py` has the meaning of each bit.
 """
 
 from dataclasses import dataclass

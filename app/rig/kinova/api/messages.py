@@ -158,7 +158,7 @@ class ValidationReport:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryInfo:
-    """Reason for a slowdown or an abort of a trajectory; `words.py` has `trajectory_info_type` in words."""
+    """Reason for a slowdown or an abort of a trajectory; `error_messages.py` has `trajectory_info_type` in words."""
 
     trajectory_info_type: Annotated[int, Field(1, "uint32")] = 0
     waypoint_index: Annotated[int, Field(2, "uint32")] = 0

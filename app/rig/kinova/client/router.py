@@ -9,10 +9,10 @@ from concurrent.futures import Future
 from typing import Any, TypeVar, final
 
 from app.rig.kinova.api.calls import CLOSE_SESSION, CREATE_SESSION, Call, Service
+from app.rig.kinova.api.error_messages import refusal
 from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused, WireError
 from app.rig.kinova.api.protobuf import decode, encode
 from app.rig.kinova.api.session import Empty, ErrorReply, SessionInfo
-from app.rig.kinova.api.words import refusal
 from app.rig.kinova.client.transport import Transport
 from app.rig.kinova.client.wire import FrameKind, KortexFrame
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Self, final
 
 from app.core.errors import DeviceError
+from app.core.shared_memory_camera import image_ring
 from app.core.system.ring import Ring, Stamp
-from app.core.view import image_ring
-from app.rig.realsense.sdk.dating import ClockReading
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
 from app.rig.realsense.sdk.sources import CameraAbsent
+from app.rig.realsense.sdk.timestamping import ClockReading
 
 _POLL_S = 0.002
 _KEPT = 4

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Self, final
 
-from app.core.system.native import load_libusb
+from app.core.system.shared_libraries import load_libusb
 
 
 def load_realsense() -> ModuleType:

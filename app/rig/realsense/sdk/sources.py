@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from app.core.errors import DeviceError
-from app.rig.realsense.sdk.bus import found
+from app.rig.realsense.sdk.device_enumeration import found
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.stage import (
+from app.core.geometry.scene_description import (
     Bowl,
     Colour,
     Finger,

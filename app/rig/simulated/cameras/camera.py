@@ -7,8 +7,8 @@ from app.config import Timing
 from app.core.errors import DeviceError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
+from app.core.shared_memory_camera import SharedMemoryCamera
 from app.core.system.ring import Ring
-from app.core.view import SharedMemoryCamera
 
 
 @final

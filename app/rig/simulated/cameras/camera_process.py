@@ -9,7 +9,7 @@ import numpy as np
 
 from app.arm.memory import ArmMemory
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.system.ring import Ring
 from app.core.types import ColourImage, DepthImage, ToolPose
 from app.rig.simulated.cameras.held_board import HeldBoard, painted

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.stage import Stage
-from app.core.system.native import load_open3d
+from app.core.geometry.scene_description import Stage
+from app.core.system.shared_libraries import load_open3d
 from app.core.types import ColourImage, DepthImage
 from app.rig.simulated.cameras.appearance import surfaces
 from app.rig.simulated.cameras.cameras import CameraNoise

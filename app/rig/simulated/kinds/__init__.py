@@ -4,7 +4,7 @@ import importlib
 import pkgutil
 from functools import lru_cache
 
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.rig.simulated.worlds.kind import Kind
 
 
@@ -19,6 +19,6 @@ def kind_of(stage: Stage) -> Kind:
 
 @lru_cache
 def _kinds() -> dict[type, Kind]:
-    """The `KIND` of every file of this folder, by its class in `app.core.geometry.stage`."""
+    """The `KIND` of every file of this folder, by its class in `app.core.geometry.scene_description`."""
     modules = [importlib.import_module(f"{__name__}.{each.name}") for each in pkgutil.iter_modules(__path__)]
     return {module.KIND.body: module.KIND for module in modules}

@@ -1,6 +1,6 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
-from app.core.geometry.stage import Finger, Obstacle, Rope, Stage
+from app.core.geometry.scene_description import Finger, Obstacle, Rope, Stage
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld

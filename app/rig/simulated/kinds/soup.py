@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.geometry.stage import Soup, Stage
+from app.core.geometry.scene_description import Soup, Stage
 from app.rig.simulated.kinds.liquid import build, home, pool
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.shapes import Surface, lump

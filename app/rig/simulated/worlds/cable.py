@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.core.geometry.stage import Rope
+from app.core.geometry.scene_description import Rope
 from app.rig.simulated.worlds.engine import mujoco
 from app.rig.simulated.worlds.physics import CablePhysics, Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT

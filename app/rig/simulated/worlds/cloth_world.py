@@ -10,13 +10,13 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.geometry.stage import Cloth, Fixture, Gripper, Rack
+from app.core.geometry.scene_description import Cloth, Fixture, Gripper, Rack
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.engine import mujoco, new_spec
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, ClothPhysics
-from app.rig.simulated.worlds.rest import Rest
+from app.rig.simulated.worlds.sleep_detection import Rest
 from app.rig.simulated.worlds.world import Nodes, Snapshot
 
 _PRESCRIBED_KG = 1000.0

@@ -6,7 +6,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from app.core.geometry.stage import Stage
+from app.core.geometry.scene_description import Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.physics import HOME_TOOL_M
@@ -26,7 +26,7 @@ def _away(stage: Stage, start: Nodes) -> ToolPose:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of object; `body`: its class in `app.core.geometry.stage`.
+    """A kind of object; `body`: its class in `app.core.geometry.scene_description`.
 
     `node_count`: of the worlds that `build` makes; `surfaces`: the object at its nodes as cameras see it; `home`: pose
     of the waiting arm's tool before the first motion.

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import SimulationError
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
+from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
-from app.rig.simulated.worlds.rest import Rest
+from app.rig.simulated.worlds.sleep_detection import Rest
 from app.rig.simulated.worlds.world import Nodes, Snapshot
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import LiquidMaterial

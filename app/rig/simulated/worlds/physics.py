@@ -8,7 +8,7 @@ from typing import Final, final
 from jaxtyping import Float64
 from numpy import ndarray
 
-from app.core.geometry.stage import Rope, RopeModel
+from app.core.geometry.scene_description import Rope, RopeModel
 
 HOME_TOOL_M = (0.30, 0.0, 0.30)
 """Position of the tool tip before its first motion: over the near edge of the table, out of the cameras' way."""

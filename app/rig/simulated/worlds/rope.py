@@ -12,7 +12,7 @@ from typing import Any, Protocol, final
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.core.geometry.stage import Rope
+from app.core.geometry.scene_description import Rope
 from app.rig.simulated.worlds.engine import mujoco
 from app.rig.simulated.worlds.physics import Centreline, WorldPhysics
 

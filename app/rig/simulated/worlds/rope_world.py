@@ -6,13 +6,13 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.stage import Finger, Obstacle, Rope
+from app.core.geometry.scene_description import Finger, Obstacle, Rope
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.cable import Cable
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.engine import mujoco, new_spec
-from app.rig.simulated.worlds.intrusion import Intrusion
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
 from app.rig.simulated.worlds.world import Snapshot

@@ -1,0 +1,208 @@
+"""One episode in lock step: perceive, plan, act, learn, again and again, as in the running application."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.errors import DipacError, PlanningError
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.orientation import UNKNOWN
+from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
+from app.core.types import Centreline, Points
+from app.perception.reconstruct import reconstruct
+from app.planner.method import Method
+from app.planner.search.plan import Plan
+from app.rig.simulated.lockstep import LockStep
+from app.tasks import worker_api as jobs
+from app.tasks.base import Task
+
+Eyes: TypeAlias = Literal["cameras", "truth"]
+"""Rendered images that perception makes particles of; or the truth, spread as evenly and with the noise of that."""
+
+NOISE_M = 0.0015
+"""Standard deviation of simulated particles about the truth: that of particles from images (docs/results.md)."""
+_ATTEMPTS = 3
+"""A planner whose branches all fail draws others; the third failure in a row ends the episode."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluationConfig:
+    """Configuration of an episode. `online`: the model learns from every action; `actions` at most, the task's horizon.
+
+    `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
+    `otherwise`: the fallback if `method` finds no feasible action; None: `method` again.
+    """
+
+    task: Task
+    preset: str
+    seed: int
+    method: Method
+    model: Model
+    online: bool = False
+    eyes: Eyes = "cameras"
+    actions: int | None = None
+    play_on: bool = False
+    otherwise: Method | None = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpisodeStep:
+    """One action: what was seen, planned and made, and what was seen then. `frames` are those of `before`."""
+
+    frames: Sequence[Frame]
+    before: Particles
+    plan: Plan
+    transition: Transition
+    after: Particles
+    model: Model
+
+
+@final
+@dataclass(kw_only=True, eq=False)
+class EpisodeResults:
+    """Results of an episode so far. Distances, shares and successes are of the truth, initially and after each action.
+
+    `done`: number of actions after which the object was first observed at the goal, which is when an operator would
+    stop; None if it never was. `failure`: the reason of an early end, in words.
+    """
+
+    chamfer_m2: list[float] = field(default_factory=list[float])
+    share: list[float] = field(default_factory=list[float])
+    reached: list[bool] = field(default_factory=list[bool])
+    decision_s: list[float] = field(default_factory=list[float])
+    models: list[Model] = field(default_factory=list[Model])
+    done: int | None = None
+    failure: str = ""
+
+    @property
+    def success(self) -> bool:
+        """True if the object truly was at the goal when it was observed there, or else at the end."""
+        if self.done is not None:
+            return self.reached[self.done]
+        return not self.failure and bool(self.reached) and self.reached[-1]
+
+
+Listener: TypeAlias = Callable[[EpisodeStep], None]
+
+
+def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | None = None) -> EpisodeResults:
+    """Play until the object is seen where it shall be, the actions are used up, or something fails."""
+    episode, played = _Episode(order, site or Site()), EpisodeResults()
+    try:
+        episode.run(played, listen)
+    except DipacError as error:
+        played.failure = str(error)
+    return played
+
+
+@final
+class _Episode:
+    """The cell, and the method's knowledge of it."""
+
+    def __init__(self, order: EvaluationConfig, site: Site) -> None:
+        self._order, self._site, self._task = order, site, order.task
+        self._count = order.task.preset(order.preset).particle_count
+        self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
+        self._goal, self._model = order.task.goal(order.seed, self._count), order.model
+        self._method = order.method
+        self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
+        self._frames: Sequence[Frame] = ()
+        self._near: Centreline | None = None
+        self._orientation = UNKNOWN
+
+    def run(self, played: EpisodeResults, listen: Listener | None) -> None:
+        """Play into `played`, which holds the results so far even after a failure."""
+        self._judge(played)
+        before, actions = self._see(), self._order.actions
+        limit = self._task.horizon if actions is None else actions
+        while True:
+            if played.done is None and self._task.ended(before.positions, self._goal, self._cell.tool):
+                played.done = len(played.decision_s)
+            if len(played.decision_s) >= limit or (played.done is not None and not self._order.play_on):
+                return
+            frames, began_s = self._frames, time.perf_counter()
+            plan = self._plan(before.positions, len(played.decision_s))
+            played.decision_s.append(time.perf_counter() - began_s)
+            self._remember(before.positions)
+            executed, self._near = self._cell.execute(plan.motion), plan.centreline
+            self._judge(played)
+            after = self._see()
+            learnt = self._learn(before, executed, after)
+            played.models.append(self._model)
+            if listen is not None:
+                listen(
+                    EpisodeStep(
+                        frames=frames, before=before, plan=plan, transition=learnt, after=after, model=self._model
+                    )
+                )
+            before = after
+
+    def _judge(self, played: EpisodeResults) -> None:
+        """Score the state by the truth."""
+        x = self._task.particles(self._cell.nodes(), self._count)
+        played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
+        played.share.append(self._task.aim.share(x, self._goal))
+        played.reached.append(self._task.done(x, self._goal, self._cell.tool))
+
+    def _see(self) -> Particles:
+        began_s = time.perf_counter()
+        self._frames = self._cell.look() if self._order.eyes == "cameras" else ()
+        if self._frames:
+            seen = reconstruct(self._frames, self._task.reconstruction(self._order.preset), self._cell.tool)
+            positions, surface = seen.positions, seen.surface
+        else:
+            positions = surface = self._noisy(self._task.particles(self._cell.nodes(), self._count))
+        return Particles(
+            id=fresh_id("particles"),
+            cause=tuple(frame.id for frame in self._frames),
+            time_s=self._cell.time_s,
+            positions=positions,
+            surface=surface,
+            reconstruction_s=time.perf_counter() - began_s,
+        )
+
+    def _noisy(self, x: Points) -> Points:
+        noisy = x + NOISE_M * self._rng.standard_normal(x.shape)
+        noisy[:, 2] = np.maximum(noisy[:, 2], 0.0)
+        return noisy.astype(np.float32)
+
+    def _plan(self, x: Points, index: int) -> Plan:
+        order = self._order
+        for attempt in range(_ATTEMPTS):
+            seed = hash((order.seed, index, attempt)) % 2**31
+            method = order.otherwise if attempt and order.otherwise else self._method
+            try:
+                return jobs.plan(
+                    *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
+                    tool=self._cell.tool,
+                    method=method,
+                    near=self._near,
+                    orientation=self._orientation,
+                )
+            except PlanningError:
+                if attempt + 1 == _ATTEMPTS:
+                    raise
+        raise AssertionError("the last attempt returns or raises")
+
+    def _remember(self, x: Points) -> None:
+        """Let a policy that acts alone remember its next actions; in a tree another action may have been made."""
+        policy = self._method.policy
+        if policy is not None and self._method.alone:
+            self._method = replace(self._method, policy=policy.after(x, self._goal, self._cell.tool))
+
+    def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
+        transition = Transition.between(before, executed, after)
+        self._learnt.append(transition)
+        self._orientation = jobs.track_orientation(self._task.name, self._orientation, transition, self._model)
+        if self._order.online:
+            task, preset = self._task.name, self._order.preset
+            with suppress(DipacError):  # What cannot be learnt from leaves the model as it was, as in the application.
+                self._model = jobs.update(task, preset, self._learnt, self._model, self._site)
+        return transition

@@ -1,0 +1,125 @@
+"""Effect sampling: the catalogue of injectable effects, and their values for a request and a seed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from app.core.errors import ParameterError, UsageError
+from app.core.geometry.scene_description import Rope, RopeModel
+from app.rig.simulated import injected_effects as hidden_files
+from app.rig.simulated.injected_effects.base import Hidden, Injected
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
+from app.sim.files import files_of
+
+IMPOSSIBLE = {
+    "cohesion": "there are no grains in this world",
+    "shear_thinning": "there is no liquid in this world",
+    **dict.fromkeys(
+        ("resolution", "contact_softness", "contact_distance", "finger_climb", "finger_press"),
+        "it is an error of our own numerics, which another engine does not have",
+    ),
+    **dict.fromkeys(
+        ("bending_viscosity", "lasting_bends", "bend_yield", "rope_mass"),
+        "it differs from rope to rope, and is fitted whatever the cause",
+    ),
+}
+"""Causes of discovery's catalogue that cannot be injected here, with the reason."""
+
+MISTUNED = 0.3
+"""Largest deviation of the friction of table and finger and of the rope's stiffness, as a share of the nominal
+world's."""
+_DRAWS, _TUNING = 1, 2
+"""Random streams of a seed, so that none depends on the draws of another."""
+
+
+class InjectionRequest(NamedTuple):
+    """Request for an effect, with its size in the unit of its main parameter; None for the typical one."""
+
+    name: str
+    size: float | None
+
+
+def known() -> dict[str, Hidden]:
+    """Every injectable effect by name: each file of the folder `hidden`."""
+    return {name: module.HIDDEN for name, module in files_of(hidden_files)}
+
+
+def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[Injected, ...]:
+    """The effects with random directions, positions and signs of `seed`, in alphabetical order.
+
+    Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
+    range.
+    """
+    rng = np.random.default_rng([seed, _DRAWS])
+    return tuple(
+        Injected(name=name, effect=effect, values=effect.draw(size, rng)) for name, effect, size in _found(wishes)
+    )
+
+
+def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
+    """Raises UsageError where the rope's world does not support an effect: a cable supports none of its own."""
+    names = [each.name for each in hidden if each.effect.in_world]
+    if world != "chain" and names:
+        raise UsageError(
+            f"--world {world} hides nothing in rope, table and finger so far: leave out {', '.join(names)}, or --world."
+        )
+
+
+def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
+    """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
+
+    `rope`: one of other sizes than the cell's.
+    """
+    table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
+    nominal = ROPE_WORLDS[world] if rope is None else sized(ROPE_WORLDS[world], rope)
+    chain, cable = nominal.rope, nominal.cable
+    return replace(
+        nominal,
+        table_friction=nominal.table_friction * table,
+        finger_friction=nominal.finger_friction * finger,
+        rope=replace(chain, bend_stiffness_n_m_rad=chain.bend_stiffness_n_m_rad * stiffness),
+        cable=None if cable is None else replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffness),
+    )
+
+
+def described(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
+    """The effects with their values, as stored in a sealed file."""
+    return [
+        {
+            "effect": each.name,
+            "family": each.effect.family,
+            "catalogued": each.effect.catalogued,
+            "parameters": {
+                quantity.name: {"value": value, "unit": quantity.unit, "null": quantity.null}
+                for quantity, value in zip(each.effect.quantities, each.values.tolist(), strict=True)
+            },
+        }
+        for each in hidden
+    ]
+
+
+def _found(wishes: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
+    files = known()
+    names = [wish.name for wish in wishes]
+    for wish in sorted(wishes, key=lambda wish: wish.name):
+        if wish.name in IMPOSSIBLE:
+            raise UsageError(f"{wish.name} cannot be hidden: {IMPOSSIBLE[wish.name]}. What can be: {', '.join(files)}.")
+        if wish.name not in files:
+            raise UsageError.unknown("effect", wish.name, files)
+        if names.count(wish.name) > 1:
+            raise UsageError(f"{wish.name} is named twice; name each effect once, as EFFECT or EFFECT=SIZE.")
+        yield wish.name, files[wish.name], _size(wish, files[wish.name])
+
+
+def _size(wish: InjectionRequest, effect: Hidden) -> float:
+    main = effect.main
+    if wish.size is None:
+        return float(main.typical or 0.0)
+    if not main.low <= wish.size <= main.high:
+        raise ParameterError(
+            f"{wish.name}={wish.size:g} is outside {main.low:g} to {main.high:g} {main.unit} "
+            f"({main.name}; {main.typical:g} is typical). Signs and directions are drawn from the seed."
+        )
+    return wish.size

@@ -1,0 +1,25 @@
+"""Adhesion: the finger pulls back a parting rope, with a traction s on their contact patch.
+
+The patch of a segment is its length times the rope's diameter; it lets go 2 mm from the finger.
+"""
+
+import numpy as np
+
+from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, plain
+
+_REACH_M = 0.002
+
+
+def _force(moment: Moment, values: Values) -> Vectors:
+    parting = ((moment.finger_v - moment.v) * moment.toward).sum(1) > 0
+    holds = parting & (moment.gap_m < _REACH_M)
+    patch_m2 = moment.segment_m * 2 * moment.radius_m
+    return values[0] * patch_m2 * np.where(holds, 1.0, 0.0)[:, None] * moment.toward
+
+
+HIDDEN = Hidden(
+    family="physics",
+    quantities=(Quantity(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
+    draw=plain,
+    force=_force,
+)

@@ -1,0 +1,17 @@
+"""Maxwell solid: the elastic bend of the rope's hinges becomes permanent at the rate r, under load or not."""
+
+import numpy as np
+
+from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, plain
+
+
+def _relaxed(period_s: float, values: Values) -> float:
+    return float(-np.expm1(-values[0] * period_s))
+
+
+HIDDEN = Hidden(
+    family="physics",
+    quantities=(Quantity(name="relaxation_rate", unit="1/s", typical=1.0, high=10.0),),
+    draw=plain,
+    relaxed=_relaxed,
+)

@@ -1,0 +1,21 @@
+"""Quadratic drag: a thick fluid slows the rope by q |v| v.
+
+Not in the catalogue, whose film is linear; at 0.15 m/s the typical size is a fifth of the table's friction.
+"""
+
+import numpy as np
+
+from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, acting, plain
+
+
+def _force(moment: Moment, values: Values) -> Vectors:
+    return acting(moment, -values[0] * np.linalg.norm(moment.v, axis=1, keepdims=True) * moment.v)
+
+
+HIDDEN = Hidden(
+    family="physics",
+    catalogued=False,
+    quantities=(Quantity(name="quadratic_drag", unit="1/m", typical=40.0, high=200.0),),
+    draw=plain,
+    force=_force,
+)

@@ -1,0 +1,241 @@
+"""Push sessions in the simulated world, on its own clock: no camera, no process, no real time.
+
+Injected effects of the world and its arm are active; recorded are the command, the arm's encoders, and snapshots for
+cameras. Everything is determined by the seed.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.errors import UsageError
+from app.core.geometry.track import Track
+from app.policy.random_pushes import PushDesign, midway_s, random_track
+from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.worlds.effect_injector import Intrusion
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.world import Snapshot
+from app.tasks.base import Task
+from app.tasks.curves import fill_tube
+
+SLOT_S = 8.0
+"""Time between pushes: longer than the slowest takes, so that a session's time is proportional to its pushes."""
+BEGIN_S = 1000.0
+"""The clock of every session at its first view."""
+_SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
+"""Time for a laid rope to come to rest; for the arm's approach; and for the rope to come to rest after the push."""
+_TICK_S = 0.01
+_ENCODER_M = 1e-4
+_BODY_POINTS = 300
+_DIGITS = 6
+"""Decimal digits of a second that are kept of the sum of many time steps."""
+_STARTS, _TRACKS, _ENCODERS = 4, 5, 6
+"""Random streams of a seed."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StampedSnapshot:
+    """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
+
+    stamp_s: float
+    snapshot: Snapshot
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PushSample:
+    """One push: snapshots before, in the middle and after it, and the tool's path as commanded and as measured."""
+
+    episode: int
+    before: StampedSnapshot
+    during: StampedSnapshot
+    after: StampedSnapshot
+    command: Track
+    measured: Track
+
+
+def rehearse(
+    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+) -> Iterator[PushSample]:
+    """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
+    session = PushSession(task, plan, physics, hidden, seed)
+    for _ in range(plan.episodes * plan.pushes):
+        session.look()
+        yield session.push(session.random())
+
+
+@final
+class PushSession:
+    """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
+
+    def __init__(
+        self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+    ) -> None:
+        self.task, self.plan = task, plan
+        self.number = 0
+        """Index of the next push, or of the one that was looked at for, from 0."""
+        self._physics, self._hidden, self._seed = physics, hidden, seed
+        self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
+        self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
+        self._world: RopeWorld | None = None
+        self._before: StampedSnapshot | None = None
+
+    @property
+    def episode(self) -> int:
+        """Index of the next push's episode, from 0."""
+        return self.number // self.plan.pushes
+
+    def look(self) -> StampedSnapshot:
+        """The object at rest before the next push; at the beginning of an episode it is laid anew."""
+        if self.number >= self.plan.episodes * self.plan.pushes:
+            raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
+        begin_s = BEGIN_S + self.episode * self.plan.pushes * SLOT_S
+        if self.number % self.plan.pushes == 0:
+            self._world = self._laid_anew(begin_s)
+        assert self._world is not None
+        self._intrusion.session = _session(self.number, self.plan)
+        _wait(self._world, begin_s + self.number % self.plan.pushes * SLOT_S)
+        self._before = _rest(self._world)
+        return self._before
+
+    def random(self) -> Track:
+        """Random push for the last look; independent of any call before it."""
+        world, _ = self._looked_at()
+        return random_track(
+            np.random.default_rng([self._seed, _TRACKS, self.number]),
+            fill_tube(world.nodes(), self.task.rope.radius_m, _BODY_POINTS),
+            self.plan,
+            start_s=world.time_s + _PAUSE_S,
+            height_m=self.task.finger.push_height_m,
+            core_m=self.task.finger.half_m,
+        )
+
+    def push(self, command: Track) -> PushSample:
+        """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
+        world, before = self._looked_at()
+        encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
+        take = _pushed(world, self._arm, before, command, self.episode, encoders)
+        self.number, self._before = self.number + 1, None
+        return take
+
+    def _looked_at(self) -> tuple[RopeWorld, StampedSnapshot]:
+        if self._world is None or self._before is None:
+            raise UsageError("Look at the object before a push is chosen and made.")
+        return self._world, self._before
+
+    def _laid_anew(self, begin_s: float) -> RopeWorld:
+        ends = None if self._world is None else self._world.nodes()[[0, -1], :2]
+        line = laid(self.task.start(self._starts[self.episode]), ends)
+        self._intrusion = Intrusion(self._hidden)
+        return RopeWorld(
+            self.task.rope,
+            self.task.finger,
+            line,
+            physics=self._physics,
+            intrusion=self._intrusion,
+            time_s=begin_s - _SETTLE_S,
+        )
+
+
+def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Float64[np.ndarray, "N 3"]:
+    """Rest positions of the world's nodes [m] of a rope laid along `start (K, 3)` after the push `command`."""
+    begin_s = float(command.times_s[0]) - _SETTLE_S
+    world = RopeWorld(task.rope, task.finger, start, physics=physics, time_s=begin_s)
+    _wait(world, float(command.times_s[0]))
+    world.place(command.positions[0])
+    _follow(world, command, command.end_s)
+    _withdraw(world)
+    return world.nodes()
+
+
+def first_end(task: Task, plan: PushDesign, seed: int) -> Float64[np.ndarray, "2"]:
+    """Initial position of the rope's end s = -1 [m]."""
+    starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
+    return task.start(starts[0])[0, :2]
+
+
+@final
+class _Arm:
+    """The arm with its injected effects."""
+
+    def __init__(self, hidden: Sequence[Injected]) -> None:
+        self._driving = [each for each in hidden if each.effect.drive is not None]
+        late = [each.effect.late_s(each.values) for each in hidden if each.effect.late_s is not None]
+        self.late_s = sum(late, 0.0)
+
+    def goes(self, command: Track, *, told_only: bool) -> Track:
+        """Actual track of the tip for a command, or the part of it that encoders measure."""
+        track = command
+        for each in self._driving:
+            if each.effect.drive is not None and (each.effect.told or not told_only):
+                track = each.effect.drive(track, each.values)
+        return track
+
+
+def _pushed(
+    world: RopeWorld, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
+) -> PushSample:
+    """Execute a push in the world, which is at rest."""
+    made = arm.goes(command, told_only=False)
+    stamp_s = midway_s(command.times_s)
+    world.place(made.positions[0])
+    _follow(world, made, stamp_s + arm.late_s)
+    during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
+    _follow(world, made, max(made.end_s, command.end_s))
+    _withdraw(world)
+    return PushSample(
+        episode=episode,
+        before=before,
+        during=during,
+        after=_rest(world),
+        command=command,
+        measured=_measured(arm, command, encoders),
+    )
+
+
+def _withdraw(world: RopeWorld) -> None:
+    """Withdraw the finger, and let the rope come to rest."""
+    world.place(np.array(HOME_TOOL_M))
+    _wait(world, world.time_s + _REST_S)
+
+
+def _rest(world: RopeWorld) -> StampedSnapshot:
+    """Snapshot of a world at rest, when time offsets have no effect."""
+    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
+
+
+def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
+    """Encoder track, at the times of the command."""
+    told = arm.goes(command, told_only=True).at(command.times_s)
+    return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
+
+
+def _follow(world: RopeWorld, track: Track, until_s: float) -> None:
+    """Move the tip along its track until `until_s`."""
+    while world.time_s < until_s - _TICK_S / 10:
+        due_s = min(world.time_s + _TICK_S, until_s)
+        world.step(track.at(np.array([due_s]))[0], due_s - world.time_s)
+
+
+def _wait(world: RopeWorld, until_s: float) -> None:
+    """Advance time with the tool at rest."""
+    if until_s > world.time_s:
+        world.step(world.tool, until_s - world.time_s)
+
+
+def _session(number: int, plan: PushDesign) -> float:
+    """Position of a push between the first of all (-0.5) and the last (0.5)."""
+    return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
+
+
+def laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
+    """The rope laid along `start`, in the direction that leaves its ends (x, y) [m] nearer to where they were."""
+    if ends is None:
+        return start
+    there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))
+    return start if there <= turned else start[::-1].copy()

@@ -1,0 +1,121 @@
+"""Compensation of the errors of cameras and arm that a model has: true positions, and commands to the arm.
+
+The simulator, the planner and goals are in the true world frame, that of the robot's base. Clouds, and data compared
+with them, are in the frame of the cameras; motions are commands to the arm. Recordings hold both as they were.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.config import Site
+from app.core.geometry.track import Track
+from app.core.messages import Branch, Model, Transition
+from app.core.motion import TOOL_DOWN, Motion
+from app.core.types import Path3, Points
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.model_under_test import Theta, catalogue
+from app.discovery.residuals.predict import Predictor, dragging
+from app.discovery.sensor_actuator_errors.base import Eye, Load
+from app.planner.base import Planner
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
+from app.tasks import load
+from app.tasks.discovery_subject import subject_of
+
+_PAUSE_S = 1e4
+"""Time between two positions of a path, so slow that no delay or lag shows."""
+_ROUNDS = 12
+"""Iterations of an inverse: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Correction:
+    """`theta`: a model's values by discovery's catalogue; `camera_m`: about where errors of the cameras are."""
+
+    predictor: Predictor
+    theta: Theta
+    camera_m: Float64[np.ndarray, "3"]
+
+    def plan(self, planner: Planner, request: PlanRequest) -> Plan:
+        """Plan for the object that cameras observe at `request.observed` [m], so that it truly reaches the goal.
+
+        The motion is the command to the arm, predictions are as the cameras will show them; distances are true. The
+        centreline after it, and the one it is `near`, are in the true frame.
+        """
+        command = partial(self.command, site=request.site)
+        found = planner(replace(request, observed=self.unseen(request.observed), command=command))
+        branches = tuple(self._shown(branch) for branch in found.branches)
+        return replace(found, branches=branches, predicted=branches[found.best].predicted)
+
+    def unseen(self, points: Points) -> Points:
+        """True position of the object that cameras observe here [m]."""
+        return self.predictor.unseen(points, self._eye(points), self.theta)
+
+    def seen(self, points: Points) -> Points:
+        """Observed position of the object that truly is here [m]; non-finite as the input is."""
+        if not np.isfinite(points).all():
+            return points
+        return self.predictor.seen(points, self._eye(points), self.theta)
+
+    def command(self, motion: Motion, before: Points, after: Points, site: Site) -> Motion:
+        """Command to the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
+
+        It compensates errors of the path, however slow the motion, and not delay and lag, which change its timing
+        (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
+        """
+        felt = self._felt(motion, before, after)
+        told = motion.positions
+        for _ in range(_ROUNDS):
+            told = told + motion.positions - self.made(told, felt)
+        told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
+        return Motion(positions=told, speeds=motion.speeds)
+
+    def made(self, told: Path3, felt: Load) -> Path3:
+        """Path of the tip [m] of an arm that is commanded this one, slowly, against these forces."""
+        track = _track(told, _PAUSE_S * np.arange(len(told)))
+        return self.predictor.carried_out(track, felt, self.theta, lambda _: True).positions
+
+    def transition(self, seen: Transition) -> Transition:
+        """The true transition: positions of the object, and the tip's path in place of the measured one."""
+        before, after = self.unseen(seen.before), self.unseen(seen.after)
+        executed, measured = seen.executed, len(seen.executed.measured) > 0
+        track = Track(times_s=executed.times_s, poses=executed.made)
+        felt = dragging(track, before, after, self.predictor.subject)
+        made = self.predictor.carried_out(track, felt, self.theta, lambda effect: not (effect.told and measured))
+        return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
+
+    def _shown(self, branch: Branch) -> Branch:
+        frames = np.stack([self.seen(each) for each in branch.frames]) if len(branch.frames) else branch.frames
+        return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
+
+    def _eye(self, points: Points) -> Eye:
+        return Eye(self.camera_m, labelled([points], self.predictor.subject.rods)[1][0].astype(np.float64))
+
+    def _felt(self, motion: Motion, before: Points, after: Points) -> Load:
+        lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
+        times = np.concatenate([[0.0], np.cumsum(lengths / motion.speeds[1:])])
+        known = after if np.isfinite(after).all() else before
+        return dragging(_track(motion.positions, times), before, known, self.predictor.subject)
+
+
+def correction(model: Model) -> Correction:
+    """Corrections of `model`, which has to have some. Raises UsageError for a task without pushes."""
+    predictor = _predictor(model.task)
+    theta = predictor.catalogue.nominal(predictor.subject)
+    for parameter in model.apparatus:
+        theta[predictor.catalogue.column(parameter.name)] = parameter.value
+    return Correction(predictor=predictor, theta=theta, camera_m=np.array(model.extension.camera_m))
+
+
+@lru_cache
+def _predictor(task: str) -> Predictor:
+    return Predictor(subject_of(load(task)), catalogue())
+
+
+def _track(positions: Path3, times_s: Float64[np.ndarray, " T"]) -> Track:
+    return Track(times_s=times_s, poses=np.concatenate([positions, np.tile(TOOL_DOWN, (len(positions), 1))], axis=1))

@@ -1,0 +1,112 @@
+"""A task's simulator as what discovery doubts."""
+
+from dataclasses import dataclass, replace
+from typing import Final, final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from app.core.errors import UsageError
+from app.core.measured_setup import MeasuredSetup
+from app.discovery.checks.placement import centred
+from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, catalogue, unknowns_of
+from app.discovery.dataset.study import Study
+from app.discovery.inference.screen import refit
+from app.discovery.residuals.displacement_field import AFTER
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.sensitivity import residuals
+from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
+from app.sim.model.catalogue import discover
+from app.sim.model.params import index
+from app.tasks.base import Task
+from app.tasks.jit_cache import nominal_model, phi_of
+
+_STIFF: Final = 1.5
+"""Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
+_STIFFER: Final = (1.0, 4.0, 16.0)
+"""Whence stiff rods are refitted, as multiples of the limpest of them."""
+
+
+def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = False) -> Subject:
+    """Model under test of a task, with the CPU preset's number of particles, simulated as the task is.
+
+    What is a cause of its own is not fitted whatever the cause. `setup`: what imported data say of object and tool; the
+    task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
+    is as limp as that allows. Raises UsageError for a task without pushes.
+    """
+    if not isinstance(task.actions, Pushes):
+        raise UsageError(f"Discovery reads pushes so far; {task.name} has none.")
+    rods = task.rods if task.dynamics == "rods" else None
+    causes = {effect.parameters[0].name for effect in discover().values() if effect.catalogued}
+    low_m, unsaid = task.actions.height_m + LOW_ENOUGH_M, frozenset[str]()
+    if setup is not None:
+        unsaid = frozenset(size.name for size in setup.sizes if size.source != "about")
+        low_m = max(low_m, min(setup.push_height_m + LOW_ENOUGH_M, 2 * task.rope.radius_m))
+    nominal = phi_of(nominal_model(task.name))
+    if stiff:
+        nominal[index("stiffness")] = task.parameters(stiff=True)[index("stiffness")].nominal
+    return Subject(
+        scene=task.scene,
+        haste=task.haste,
+        mass_kg=task.rope.mass_kg,
+        length_m=task.rope.length_m,
+        radius_m=task.rope.radius_m,
+        low_m=low_m,
+        particle_count=task.preset("cpu").particle_count,
+        nominal=nominal,
+        calibrated=tuple(name for name in task.calibrated if name not in causes),
+        rods=None
+        if rods is None
+        else RodModel(
+            scene=rods.scene_for(stiff=stiff), contact=tuple(rods.physics.items()), unknowns=unknowns_of(unsaid)
+        ),
+        unsaid=unsaid,
+        finger=task.finger,
+    )
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Doubted:
+    """The simulator that is doubted; `about`: its nominal model, refitted to the study, where that is known already."""
+
+    subject: Subject
+    about: Theta | None = None
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def doubted_in(study: Study, task: Task) -> Doubted:
+    """The simulator of a task in whose range these pushes are.
+
+    That is the one of stiff rods where the usual one, refitted to them, is stiff, and a stiff rod errs less. A refit
+    has several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
+    """
+    usual = subject_of(task, study.setup)
+    if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
+        return Doubted(subject=usual)
+    trials, predictor = prepare(centred(study, usual), usual), Predictor(usual, catalogue(usual.rods))
+    about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
+    if about[column] < _STIFF * usual.nominal[column]:
+        return Doubted(subject=usual, about=about)
+    stiff, error_m = subject_of(task, study.setup, stiff=True), _error_m(predictor, trials, about)
+    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[column])
+    stiffer = (least_pa * times for times in _STIFFER)
+    starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
+    if min(_error_m(start, trials, known.nominal(start.subject)) for start in starts) >= error_m:
+        return Doubted(subject=usual, about=about)
+    found = [(predictor, about), *((start, refit(start, trials)) for start in starts)]
+    best, refitted = min(found, key=lambda pair: _error_m(pair[0], trials, pair[1]))
+    return Doubted(subject=best.subject, about=refitted)
+
+
+def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
+    nominal = subject.nominal.copy()
+    nominal[index("stiffness")] = stiffness_pa
+    return replace(subject, nominal=nominal)
+
+
+def _error_m(predictor: Predictor, trials: Trials, about: Theta) -> float:
+    """A model's median residual after a push; infinite of those that cannot be simulated."""
+    found = residuals(predictor, trials, about, (), replicas=0)
+    simulated = found.known[:, AFTER].any(1)
+    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, AFTER], axis=1), np.inf)))

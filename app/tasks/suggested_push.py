@@ -1,0 +1,152 @@
+"""A suggested push as a plan: aimed at the object's present position, and simulated as any other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.config import Site
+from app.core.errors import PlanningError
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.finger_distance import nearest_m
+from app.core.geometry.orientation import UNKNOWN, Orientation
+from app.core.messages import Branch
+from app.core.motion import Motion
+
+if TYPE_CHECKING:
+    from jaxtyping import Float64, Int
+
+    from app.core.geometry.track import Track
+    from app.core.messages import Model
+    from app.core.types import Centreline, Points
+    from app.planner.actions.actions import Pushes
+    from app.planner.search.plan import Plan
+
+_WAYPOINTS = 20
+_SLOWEST_M_S = 1e-3
+_THROUGH_M = 0.006
+"""A way that comes this near to a particle goes through the object, and does not graze it."""
+_AHEAD_M = 0.034
+"""Distance of a start before a particle, as in random pushes (`app.policy.random_pushes`)."""
+_STILL_M, _LOW_M = 1e-5, 1e-3
+"""A tool that moves less than this between two moments stands; one that is this far above its lowest is down."""
+
+
+def motion_of(track: Track, pushes: Pushes, site: Site) -> Motion:
+    """A recorded way of the tool as a motion: down, the way itself at its own speed, and up. The tool is not turned.
+
+    No faster and no higher than the site allows.
+    """
+    low = _down(track.positions)
+    way, times = track.positions[low], track.times_s[low]
+    steps = np.concatenate([[0.0], np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1)])
+    arc = np.cumsum(steps)
+    moving = np.flatnonzero(steps > _STILL_M)
+    lasts_s = float(times[moving[-1]] - times[moving[0] - 1]) if len(moving) else 1.0
+    nodes = np.linspace(0.0, arc[-1], _WAYPOINTS + 1)
+    push = np.stack([np.interp(nodes, arc, way[:, axis]) for axis in range(3)], axis=1)
+    push[:, 2] = np.maximum(push[:, 2], site.limits.workspace.low[2])
+    above = push[[0, -1]]
+    above[:, 2] = site.travel_height_m
+    positions = np.concatenate([above[:1], push, above[1:]])
+    speeds = np.full(len(positions), max(float(arc[-1]) / lasts_s, _SLOWEST_M_S))
+    speeds[[0, 1, -1]] = pushes.approach_m_s
+    return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
+
+
+def asked_plan(
+    task: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    asked: Motion,
+    site: Site | None = None,
+    near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
+) -> Plan:
+    """`asked` as a plan of one branch for the object that the cameras say is at `observed` (N, 3) [m].
+
+    The push keeps its direction, length and speed, and is moved to where the object is. What the model says of cameras
+    and arm is allowed for, and `near` and `orientation` are used, as in `jobs.plan`. Raises PlanningError where the
+    push fits nowhere.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from app.planner.search.plan import Plan
+    from app.tasks import jit_cache as compiled
+    from app.tasks import load, rope_orientation
+    from app.tasks.apparatus_compensation import correction
+    from app.tasks.discovery_subject import subject_of
+
+    data, where = load(task), site or Site()
+    subject_of(data)  # Says so where the task has no pushes.
+    allowed_for = correction(model) if model.apparatus else None
+    x = allowed_for.unseen(observed) if allowed_for else observed
+    made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
+    path = data.actions.measured_path(made.positions)
+    simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, compiled.phi_of(model))))
+    before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
+    phi = rope_orientation.oriented_phi(model, x, orientation, near)
+    end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
+    predicted = np.asarray(end.x[0])
+    if not np.isfinite(predicted).all():
+        raise PlanningError("its simulation became non-finite; planning as usual.")
+    motion = allowed_for.command(made, x, predicted, where) if allowed_for else made
+    if not where.limits.workspace.contains(motion.positions):
+        raise PlanningError("what the arm would have to be told leaves the workspace; planning as usual.")
+    shown = allowed_for.seen(predicted) if allowed_for else predicted
+    branch = Branch(
+        origin="asked",
+        actions=path[None, :, :2].reshape(1, -1),
+        tool_path=path,
+        predicted=shown,
+        final=shown,
+        cost_before=float("nan"),
+        cost_after=float("nan"),
+        terms={},
+        finite=True,
+    )
+    return Plan(
+        branches=(branch,),
+        best=0,
+        motion=motion,
+        predicted=shown,
+        centreline=np.asarray(end.centreline[0]),
+        chamfer_m2=float(chamfer_m2(x, goal)),
+        predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
+    )
+
+
+def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
+    """The motion moved over the table by as little as makes it begin beside the object and meet it.
+
+    Raises PlanningError where there is no such place within the region of pushes.
+    """
+    way, object_ = asked.positions[_down(asked.positions), :2], x[:, :2].astype(np.float64)
+    ahead = (way[-1] - way[0]) / max(float(np.linalg.norm(way[-1] - way[0])), 1e-9)
+    shifts = np.concatenate([np.zeros((1, 2)), object_ - (way[0] + _AHEAD_M * ahead)])
+    for shift in shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]:
+        if _fits(way + shift, object_, pushes):
+            moved = asked.positions + np.array([shift[0], shift[1], 0.0])
+            if site.limits.workspace.contains(moved):
+                return Motion(positions=moved, speeds=asked.speeds)
+    raise PlanningError(
+        "wherever it begins beside the object it leaves the region of pushes or the workspace; move the object towards "
+        "the middle of the table and start again, or go on with plans as usual."
+    )
+
+
+def _down(positions: Float64[np.ndarray, "T 3"]) -> Int[np.ndarray, " L"]:
+    """Indices at which the tool is down."""
+    return np.flatnonzero(positions[:, 2] < positions[:, 2].min() + _LOW_M)
+
+
+def _fits(way: Float64[np.ndarray, "W 2"], object_: Float64[np.ndarray, "N 2"], pushes: Pushes) -> bool:
+    """True if it begins beside the object and meets it in the first half of its path, all within the region."""
+    low, high = np.array(pushes.region[:2]), np.array(pushes.region[2:])
+    if ((way < low) | (way > high)).any():
+        return False
+    near = nearest_m(way, object_, pushes.core_m)
+    return bool(near[0] >= pushes.clearance_m and near[: len(way) // 2 + 1].min() < _THROUGH_M)

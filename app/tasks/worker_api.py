@@ -1,0 +1,262 @@
+"""Worker API of a task: plain functions of picklable arguments, run in worker processes.
+
+Compiled functions stay in the process that runs them (`app.tasks.jit_cache`), and load there alone: a process that
+only names these functions loads neither JAX nor Warp.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from app.config import Site
+from app.core.errors import PlanningError, SimulationError
+from app.core.geometry.orientation import UNKNOWN, Orientation
+from app.planner.method import DIPAC, Method
+
+_log = logging.getLogger(__name__)
+
+_PROBES = 96
+"""Probes of a calibration on rods: four for each coefficient of a quadratic in five coordinates."""
+RECENT = 16
+"""Transitions of one update: about those of the last episode, in about the time of one decision."""
+_TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
+"""Factors by which a model in use may be off. With 4, a rod's stiffness falls to a rope's, a fifth, in 3 pushes."""
+
+if TYPE_CHECKING:
+    from app.calibration.fit import FitSettings
+    from app.core.messages import Model, Transition
+    from app.core.types import Centreline, Points, ToolPose
+    from app.planner.search.plan import Plan
+    from app.planner.search.request import Ways
+    from app.tasks.apparatus_compensation import Correction
+    from app.tasks.jit_cache import Calibrated
+
+
+def plan(
+    task: str,
+    preset: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    seed: int,
+    site: Site | None = None,
+    tool: ToolPose | None = None,
+    method: Method = DIPAC,
+    rejected: Ways = (),
+    near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
+) -> Plan:
+    """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
+
+    The model is what the simulation runs with. What it says of cameras and arm is allowed for: the plan is made for
+    the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
+    `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
+    anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
+    is another one while there is one; `near`, where the plan before predicted a rope's nodes, if the object is as its
+    motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
+    leaves a dump of one that did not; UsageError for an unknown task or preset.
+    """
+    from app.planner.search.request import PlanRequest
+    from app.tasks import jit_cache as compiled
+    from app.tasks import rope_orientation
+
+    where, allowed_for = site or Site(), _allowed_for(model)
+    planner = compiled.planner(task, preset, compiled.phi_of(model), method, where.limits.confines)
+    x = allowed_for.unseen(observed) if allowed_for else observed
+    phi = rope_orientation.oriented_phi(model, x, orientation, near)
+    request = PlanRequest(
+        observed=observed, goal=goal, phi=phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near
+    )
+    try:
+        return allowed_for.plan(planner, request) if allowed_for else planner(request)
+    except PlanningError as error:
+        search = getattr(planner, "search", None)
+        if search is None:  # A planner without a tree has simulated nothing.
+            raise
+        from app.tasks import failures
+
+        raise PlanningError(f"{error}{failures.of_plan(task, search, replace(request, observed=x))}") from None
+
+
+def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
+    """The belief after `transition` about which end of the object is the model's first (see `rope_orientation`)."""
+    from app.tasks import rope_orientation
+
+    if allowed_for := _allowed_for(model):
+        transition = allowed_for.transition(transition)
+    return rope_orientation.track_orientation(task, orientation, transition, model)
+
+
+def calibrate(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
+) -> Model:
+    """The next version of the model, fitted by gradient to all the transitions, from `model` until it settles.
+
+    Where transitions cannot be predicted, the log names a dump of one. Raises SimulationError where none can be,
+    UsageError where there are no transitions, and of rods RecordingError where they cannot tell anything.
+    """
+    return calibration(task, preset, transitions, model, site).model
+
+
+def calibration(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
+) -> Calibrated:
+    """As `calibrate`, with every trial on the way; of rods also the tool's offset, and checks of the data.
+
+    Raises RecordingError where nothing can be learned from the transitions.
+    """
+    return _fitted(task, preset, transitions, model, _settings_of(task), site or Site(), offline=True)
+
+
+def _settings_of(task: str) -> FitSettings:
+    """Settings with intervals from probes for rods, of which a push takes a millisecond."""
+    from app.calibration.fit import FitSettings
+    from app.tasks import load
+
+    return FitSettings(probes=_PROBES if load(task).dynamics == "rods" else 0)
+
+
+def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
+    """As `calibrate`, in the background of an episode: two trial steps on the newest transitions.
+
+    The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off; one that was
+    calibrated on another object, to a factor of 4, so that a handful of transitions makes it this one's.
+    """
+    from app.calibration.fit import FitSettings
+    from app.tasks import load
+
+    trust_factor = _TRUSTED if load(task).lesson is None else _TRUSTED_OF_ANOTHER
+    settings = FitSettings(steps=2, trust_factor=trust_factor)
+    return _fitted(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
+
+
+def _fitted(
+    task: str,
+    preset: str,
+    transitions: Sequence[Transition],
+    model: Model,
+    settings: FitSettings,
+    site: Site,
+    *,
+    offline: bool = False,
+) -> Calibrated:
+    from app.sim.model.params import with_orientation
+    from app.tasks import failures
+    from app.tasks import jit_cache as compiled
+
+    if allowed_for := _allowed_for(model):
+        transitions = [allowed_for.transition(transition) for transition in transitions]
+    try:
+        way = compiled.calibrated_from_recordings if offline else compiled.calibrated
+        found = way(task, preset, transitions, model, settings)
+    except SimulationError as error:
+        left = failures.of_transitions(task, transitions, with_orientation(compiled.phi_of(model), 0.0), site)
+        raise SimulationError(f"{error}{left}") from None
+    lost, phi = [transitions[index] for index in found.lost], with_orientation(compiled.phi_of(found.model), 0.0)
+    if left := failures.of_transitions(task, lost, phi, site):
+        _log.warning("A transition of the calibration is not predicted.%s", left)
+    return found
+
+
+def doubt(task: str, observed: Points, near: Centreline | None = None) -> str:
+    """Reason to doubt the task's dynamics for the object as observed, in a sentence; empty for none.
+
+    `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
+    so that neither the cloud nor the prediction that it is `near` tells their order.
+    """
+    from app.sim.rods.geometry.centreline import RopeShape
+    from app.sim.rods.geometry.verdict import doubt
+    from app.tasks import load
+
+    known = load(task)
+    if known.dynamics != "rods" or known.rods is None:
+        return ""
+    scene = known.rods.scene
+    return doubt(observed, RopeShape(count=scene.nodes, rest_m=scene.rest_m, radius_m=scene.radius_m), near)
+
+
+def choose_preset() -> str:
+    """The preset for the best device that JAX finds on this machine."""
+    import jax
+
+    return "cpu" if jax.default_backend() == "cpu" else "gpu"
+
+
+def nominal_model(task: str) -> Model:
+    """Version 0: the task's own guess of its parameters."""
+    from app.tasks import jit_cache as compiled
+
+    return compiled.nominal_model(task)
+
+
+def uncalibrated_model(task: str) -> Model:
+    """Model of the task's simulator without any demonstration."""
+    from app.tasks import jit_cache as compiled
+
+    return compiled.uncalibrated_model(task)
+
+
+def check_model(model: Model) -> None:
+    """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
+    from app.tasks import extended
+
+    extended.check(model)
+
+
+def ends_of_ranges(model: Model) -> dict[str, str]:
+    """In words, the estimates (those with an interval) at an end of their range, by the parameters' names."""
+    from app.tasks import extended
+
+    return extended.ends_of_ranges(model)
+
+
+def planner_needs(model: Model) -> tuple[str, ...]:
+    """In words, features that a planner for this model is compiled for: effects by first parameter; a stiff rope."""
+    from app.tasks import jit_cache as compiled
+
+    effects, stiff = compiled.needs(model.task, compiled.phi_of(model))
+    return tuple(effect.parameters[0].name for effect in effects) + (("a stiff rope",) if stiff else ())
+
+
+def shown_goal(goal: Points, model: Model) -> Points:
+    """The goal (M, 3) [m] in the frame of the cameras: their view of an object that is there."""
+    allowed_for = _allowed_for(model)
+    return allowed_for.seen(goal) if allowed_for else goal
+
+
+def _allowed_for(model: Model) -> Correction | None:
+    """The model's correction of cameras and arm; None if it has none."""
+    if not model.apparatus:
+        return None
+    from app.tasks.apparatus_compensation import correction
+
+    return correction(model)
+
+
+def warm_up_stages(
+    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, site: Site | None = None
+) -> list[str]:
+    """Descriptions of the compilation steps before the first decision, in order, for people who wait.
+
+    The nominal model is used if none is given.
+    """
+    from app.tasks.stages import stages
+
+    return [stage.name for stage in stages(task, preset, model, method, (site or Site()).limits.confines)]
+
+
+def warm_up_stage(
+    task: str,
+    preset: str,
+    index: int,
+    model: Model | None = None,
+    method: Method = DIPAC,
+    site: Site | None = None,
+) -> None:
+    """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
+    from app.tasks.stages import stages
+
+    stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()

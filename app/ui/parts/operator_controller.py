@@ -1,0 +1,282 @@
+"""Operator controller, the meeting point of threads: messages from the program, presses, and the painter.
+
+Everything here is short and under one lock; nothing waits. STOP reaches the arm in the thread of the press, before
+anything else is done.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterable
+from functools import reduce
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.colours import ColourRange
+from app.core.dialogue.control import Lease
+from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
+from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
+from app.ui.parts.console_state import Board
+from app.ui.parts.rate_limiter import RateLimiter
+
+Place: TypeAlias = Float64[np.ndarray, "3"]
+_REFUSALS_EVERY_S = 10.0
+"""Interval between notices of refused requests, so that a flood of them is one line."""
+_COMMANDS_HZ, _COMMANDS_AT_ONCE = 2.0, 10.0
+_WORDS_HZ, _WORDS_AT_ONCE = 0.5, 5.0
+"""Rate limit of refusal notices, so that repeated presses do not repeat them."""
+_IDLE_S = 60.0
+"""Idle time after which another operator may take control."""
+
+
+@final
+class Desk:
+    """The board behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
+
+    `stop` stops the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
+    desk of a `replay` nobody commands, and there is nothing to stop.
+    """
+
+    def __init__(
+        self,
+        *,
+        stop: Callable[[], None],
+        post: Callable[[Request], object],
+        now: Callable[[], float] = time.monotonic,
+        replay: bool = False,
+    ) -> None:
+        self._stop = stop
+        self._post = post
+        self.now = now
+        self._lock = threading.Lock()
+        self._board = Board(replay=replay)
+        self.changed = threading.Event()
+        self._turned_away: dict[str, int] = {}
+        self._told_s = self._used_s = -math.inf
+        self._paces: dict[str, RateLimiter] = {}
+        self._gone: set[str] = set()
+        self._words = RateLimiter(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
+
+    @property
+    def board(self) -> Board:
+        """The present state of the console."""
+        return self._board
+
+    def show(self, message: Message) -> None:
+        """Fold a message into the board."""
+        with self._lock:
+            self._board = self._board.after(message)
+        self.changed.set()
+
+    def reset(self, messages: Iterable[Message]) -> None:
+        """Replace the board by a fold over these messages."""
+        with self._lock:
+            self._board = reduce(Board.after, messages, Board(replay=self._board.replay))
+        self.changed.set()
+
+    def stop(self, operator: str) -> None:
+        """Stop the arm, now and in this thread; then record it.
+
+        A held key presses STOP many times: each one reaches the arm, the first one the recording.
+        """
+        if self._board.replay:
+            return
+        self._stop()
+        with self._lock:
+            repeated = self._board.stop_s > self._board.resume_s
+            if not repeated:
+                self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
+
+    def ask(self, request: Asked) -> bool:
+        """Send a request to the program; False where the operator has no permission."""
+        with self._lock:
+            may = self._may(request.operator)
+            if may:
+                self._issue(request)
+            return may
+
+    def resume(self, operator: str) -> None:
+        """Request to go on; ignored where nothing is stopped."""
+        with self._lock:
+            if self._board.stopped and self._may(operator):
+                self._issue(ResumeRequest(id=fresh_id("resume"), time_s=self.now(), operator=operator))
+
+    def decide(self, proposal: Proposal, *, approve: bool, operator: str, reason: str = "") -> None:
+        """Decide on the proposal that the pressed button belongs to; only the first decision counts."""
+        decision = Decision(
+            id=fresh_id("decision"),
+            cause=(proposal.id,),
+            time_s=self.now(),
+            proposal_id=proposal.id,
+            digest=proposal.motion.digest(),
+            approve=approve,
+            operator=operator,
+            reason=reason,
+        )
+        with self._lock:
+            pending = self._board.pending
+            if self._board.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
+                self._issue(decision)
+
+    def edit(self, proposal: Proposal, branch: int, start: Place, end: Place, operator: str) -> None:
+        """Request the motion of a branch with its ends moved [m]; ignored unless that proposal is up for decision.
+
+        One edit at a time: while one is being simulated, another is ignored.
+        """
+        request = EditRequest(
+            id=fresh_id("edit"),
+            cause=(proposal.id,),
+            time_s=self.now(),
+            operator=operator,
+            proposal_id=proposal.id,
+            start=start,
+            end=end,
+            branch=branch,
+        )
+        with self._lock:
+            pending = self._board.pending
+            up = self._board.decidable and pending is not None and pending.id == proposal.id
+            if up and self._board.edit is None and self._may(operator):
+                self._issue(request)
+
+    def use_model(self, model: Model, source: str, *, operator: str) -> None:
+        """Request to plan with this model from now on; `source` is its origin, in words."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ModelRequest(
+                        id=fresh_id("model-request"),
+                        cause=(model.id,),
+                        time_s=self.now(),
+                        operator=operator,
+                        model=model,
+                        source=source,
+                    )
+                )
+
+    def use_colours(self, colour: ColourRange, *, operator: str) -> None:
+        """Request to segment the object by these colours from now on."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ColourRequest(
+                        id=fresh_id("colours"),
+                        time_s=self.now(),
+                        operator=operator,
+                        hue_deg=colour.hue_deg,
+                        saturation=colour.saturation,
+                        value=colour.value,
+                    )
+                )
+
+    def take(self, operator: str) -> None:
+        """Take control, where no other operator uses it."""
+        with self._lock:
+            holder = self._board.holder
+            if holder == operator or not self._in_pace(operator):
+                return
+            idle_s = self.now() - self._used_s
+            if holder and idle_s < _IDLE_S:
+                used = f"{holder} has it, and used it {idle_s:.0f} s ago"
+                self._tell(f"{operator} cannot take control: {used}.")
+            else:
+                self._lend(operator, f"from {holder}, who did not use it" if holder else "nobody had it")
+
+    def release(self, operator: str) -> None:
+        """Release control."""
+        with self._lock:
+            if self._board.holder == operator and self._in_pace(operator):
+                self._lend("", f"{operator} gave it back")
+
+    def left(self, operator: str) -> None:
+        """Forget a browser that has left, and its control; its later presses have no effect."""
+        with self._lock:
+            self._gone.add(operator)
+            self._paces.pop(operator, None)
+            if self._board.holder == operator and not self._board.replay:
+                self._lend("", f"{operator} has left")
+
+    def tell(self, text: str) -> None:
+        """Publish a notice about control."""
+        with self._lock:
+            self._tell(text)
+
+    def hindrance(self, operator: str) -> str | None:
+        """Reason why `operator` may not jog now, in words; None where allowed, which counts as use of control."""
+        with self._lock:
+            why = _hindrance(self._board, operator) if operator not in self._gone else f"{operator} has left"
+            if why is None:
+                self._used_s = self.now()
+            return why
+
+    def _may(self, operator: str) -> bool:
+        """True where `operator` may command now. Where nobody has control, the first to command takes it."""
+        if not self._in_pace(operator):
+            return False
+        if not self._board.open_to(operator):
+            self._tell(f"{operator} has no control; {self._board.holder} has. Take it first.")
+            return False
+        if not self._board.holder:
+            self._lend(operator, "nobody had it")
+        self._used_s = self.now()
+        return True
+
+    def _in_pace(self, operator: str) -> bool:
+        """True where `operator` is connected, not in a replay, and within the rate limit."""
+        if operator in self._gone or self._board.replay:
+            return False
+        now_s = self.now()
+        pace = self._paces.setdefault(operator, RateLimiter(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
+        allowed = pace.allows(now_s)
+        if not allowed:
+            self._tell(f"{operator} sends commands too fast; some are ignored.")
+        return allowed
+
+    def _tell(self, text: str) -> None:
+        """Publish a notice about control, unless too many were published just now."""
+        if self._words.allows(self.now()):
+            self._notice("control", text)
+
+    def _lend(self, holder: str, why: str) -> None:
+        self._used_s = self.now()
+        self._issue(Lease(id=fresh_id("lease"), time_s=self.now(), holder=holder, why=why))
+
+    def _notice(self, where: str, text: str) -> None:
+        """Publish a notice that the program records."""
+        self._post(Notice(id=fresh_id("notice"), time_s=self.now(), where=where, text=text))
+
+    def turned_away(self, why: str) -> None:
+        """Count a refused connection; report the counts now and then."""
+        with self._lock:
+            self._turned_away[why] = self._turned_away.get(why, 0) + 1
+            if self.now() - self._told_s < _REFUSALS_EVERY_S:
+                return
+            told = "; ".join(f"{text.rstrip('.')}, {_times(count)}" for text, count in self._turned_away.items())
+            self._turned_away, self._told_s = {}, self.now()
+            self._notice("door", f"Somebody was refused. {told}.")
+
+    def _issue(self, request: Request) -> None:
+        self._board = self._board.after(request)
+        self._post(request)
+        self.changed.set()
+
+
+def _hindrance(board: Board, operator: str) -> str | None:
+    """Reason against jogging on this board. Control is not taken implicitly: a stuck stick must command nothing."""
+    if board.fatal is not None:
+        return "the program has ended"
+    if board.stopped:
+        return "a stop is in force: press Resume"
+    if not board.cleared_by_hand:
+        return "complete the checklist first"
+    if not board.holder:
+        return "nobody has control: press Take first"
+    if board.holder != operator:
+        return f"{board.holder} has control"
+    return None if board.teleoperated else "choose the mode By hand first"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,95 @@
+"""Pours: a held bowl goes and turns where it may, as the arm does it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from app.config import Site
+from app.core.motion import pointing_down
+from app.planner.actions.pour_actions import from_upright, tilt
+from app.policy.base import Now
+from app.tasks import load
+
+SPACE = load("pour_water").actions
+LOW, HIGH = np.array(SPACE.low), np.array(SPACE.high)
+SEEDS = st.integers(0, 2**31 - 1)
+project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
+
+
+def tool(rng: np.random.Generator) -> np.ndarray:
+    """A bowl somewhere in the box, tilted by up to the limit."""
+    axis = rng.standard_normal(3) * [1, 1, 0]
+    turn = Rotation.from_rotvec(rng.uniform(0, SPACE.max_tilt_rad) * axis / np.linalg.norm(axis))
+    pose = pointing_down(rng.uniform(LOW, HIGH))
+    pose[3:7] = (turn * Rotation.from_quat(pose[3:7], scalar_first=True)).as_quat(scalar_first=True)
+    return pose
+
+
+def situation(seed: int, count: int = 16) -> tuple[Now, jnp.ndarray]:
+    """A bowl, and wild actions of it."""
+    rng = np.random.default_rng(seed)
+    now = Now.at_rest(jnp.zeros((count, 1, 3)), tool(rng))
+    return now, jnp.asarray(rng.normal(0, [0.1] * 3 + [0.5] * 3, (count, 6)), jnp.float32)
+
+
+@settings(max_examples=20)
+@given(SEEDS)
+def test_projected_pours_end_in_the_box_and_tilt_no_further_than_allowed(seed: int) -> None:
+    now, wild = situation(seed)
+    pours = project(wild, now)
+    end = np.asarray(SPACE.after(pours, now.tool))
+    assert np.all(allowed(pours, now))
+    assert np.all((end[:, :3] > LOW - 1e-4) & (end[:, :3] < HIGH + 1e-4))
+    assert np.linalg.norm(pours[:, 3:], axis=1).max() <= SPACE.max_turn_rad + 1e-5
+    # A share of a turn that swings the axis sideways is not quite a share of its tilt.
+    assert np.asarray(tilt(jnp.asarray(end[:, 3:7]))).max() < SPACE.max_tilt_rad + 0.03
+
+
+@settings(max_examples=20)
+@given(SEEDS)
+def test_a_path_goes_from_where_the_tool_is_to_where_the_next_action_begins(seed: int) -> None:
+    now, wild = situation(seed)
+    pours = project(wild, now)
+    path, end = np.asarray(SPACE.tool_path(pours, now.tool)), SPACE.after(pours, now.tool)
+    assert path.shape == (16, SPACE.substeps + 1, 7)
+    np.testing.assert_allclose(path[:, 0, :3], now.tool[:, :3], atol=1e-6)
+    np.testing.assert_allclose(path[:, -1, :3], end[:, :3], atol=1e-6)
+    np.testing.assert_allclose(path[:, 0, 3:], from_upright(now.tool[:, 3:7]), atol=1e-5)
+    np.testing.assert_allclose(path[:, -1, 3:], from_upright(end[:, 3:7]), atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(path[..., 3:], axis=-1), 1.0, atol=1e-5)
+
+
+@settings(max_examples=20)
+@given(SEEDS)
+def test_what_the_arm_is_told_and_then_measured_to_do_is_what_was_simulated(seed: int) -> None:
+    now, wild = situation(seed, count=1)
+    pours = project(wild, now)
+    pose = np.asarray(now.tool[0], np.float64)
+    motion = SPACE.motion(np.asarray(pours[0]), pose, Site())
+    assert motion.continues
+    np.testing.assert_allclose(motion.positions[0], pose[:3], atol=1e-9)
+    path = np.asarray(SPACE.tool_path(pours, now.tool))[0]
+    measured = SPACE.measured_path(motion.poses)
+    side = np.sign((measured[:, 3:] * path[:, 3:]).sum(1, keepdims=True))
+    np.testing.assert_allclose(measured[:, :3], path[:, :3], atol=2e-4)
+    np.testing.assert_allclose(side * measured[:, 3:], path[:, 3:], atol=2e-3)
+
+
+def test_a_bowl_on_a_tool_that_points_down_is_upright() -> None:
+    assert float(tilt(jnp.asarray(pointing_down(np.zeros(3))[3:7]))) < 1e-6
+
+
+def test_the_way_depends_smoothly_on_every_number_of_an_action() -> None:
+    now, wild = situation(0, count=1)
+
+    def last(action: jnp.ndarray) -> jnp.ndarray:
+        return SPACE.tool_path(action, now.tool)[0, -1].sum()
+
+    slope = np.asarray(jax.grad(last)(wild))[0]
+    for number in range(6):
+        step = jnp.zeros_like(wild).at[0, number].set(1e-3)
+        numeric = float(last(wild + step) - last(wild - step)) / 2e-3
+        assert abs(numeric - slope[number]) < 2e-3

@@ -1,0 +1,76 @@
+"""Branches at moments between now and their end: what they show is what was simulated, and nothing is decided by it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.planner.search.cem import CemPlanner, Refit
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
+from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thinned
+from app.planner.search.tree import Search
+from app.tasks import jit_cache as compiled
+from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
+
+ASKED = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)
+ROUNDED_M = 1e-6
+
+
+def filmed(**changes: int) -> Search:
+    return replace(search(**changes), part=compiled.moving("rope_push", PARTICLES))
+
+
+@pytest.fixture(scope="module")
+def decision() -> Plan:
+    return replace(planner(), search=filmed())(ASKED)
+
+
+def test_frames_lead_from_what_was_seen_to_the_end_by_the_state_after_the_first_action(decision: Plan) -> None:
+    for branch in decision.branches:
+        assert branch.frames.shape == (MOMENTS + 1, PARTICLES, 3)
+        assert np.isfinite(branch.frames).all()
+        np.testing.assert_allclose(branch.frames[0], ASKED.observed, atol=ROUNDED_M)
+        np.testing.assert_allclose(branch.frames[MOMENTS // 2], branch.predicted, atol=ROUNDED_M)
+        np.testing.assert_array_equal(branch.frames[-1], branch.final)
+
+
+def test_the_object_moves_little_by_little(decision: Plan) -> None:
+    frames = decision.branches[decision.best].frames
+    moved_m = np.linalg.norm(np.diff(frames, axis=0), axis=2).max(1)
+    whole_m = np.linalg.norm(frames[MOMENTS // 2] - frames[0], axis=1).max()
+    assert moved_m.max() < 0.9 * whole_m
+
+
+def test_the_tool_is_on_its_path_at_every_moment(decision: Plan) -> None:
+    branch = decision.branches[decision.best]
+    assert branch.tools.shape == (MOMENTS + 1, 3)
+    np.testing.assert_allclose(branch.tools[[0, MOMENTS // 2]], branch.tool_path[[0, -1]], atol=ROUNDED_M)
+    apart = np.linalg.norm(branch.tools[: MOMENTS // 2 + 1, None] - branch.tool_path[None], axis=2).min(1)
+    assert apart.max() < ROUNDED_M
+
+
+def test_a_film_changes_no_decision(decision: Plan) -> None:
+    plain = planner()(ASKED)
+    assert plain.motion.digest() == decision.motion.digest()
+    assert not len(plain.branches[0].frames)
+
+
+def test_a_population_is_filmed_as_far_as_it_is_kept() -> None:
+    tree = replace(filmed(branches=6, depth=1), guided=False)
+    cem = CemPlanner(search=tree, refit=Refit(generations=2, elites=2, kept=3), descent=TASK.descent)
+    found = cem(ASKED)
+    assert len(found.branches) == 3
+    for branch in found.branches:
+        assert len(branch.frames) == len(branch.tools) == MOMENTS + 1
+        np.testing.assert_allclose(branch.frames[-1], branch.final, atol=ROUNDED_M)
+        end = SPACE.motion(branch.actions[0], np.zeros(8), Site()).positions[-2]
+        np.testing.assert_allclose(branch.tools[-1], end, atol=ROUNDED_M)
+
+
+def test_of_a_crowd_every_second_or_third_is_kept() -> None:
+    crowd = np.arange(6000, dtype=np.float32).reshape(-1, 3)
+    assert len(thinned(crowd)) <= MOST_PARTICLES
+    assert len(thinned(crowd[:MOST_PARTICLES])) == MOST_PARTICLES
+    np.testing.assert_array_equal(thinned(crowd)[1], crowd[4])

@@ -1,0 +1,127 @@
+"""Errors of cameras and arm are corrected: in observations, in commands to the arm, and so in predictions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.core.messages import Executed, Extension, Model, Parameter, Transition, fresh_id
+from app.core.motion import TOOL_DOWN, Motion
+from app.core.types import Points
+from app.discovery.sensor_actuator_errors.base import Load
+from app.policy.base import AWAY
+from app.tasks import nominal_model
+from app.tasks.apparatus_compensation import Correction, correction
+from tests.planner.table import SPACE, rope
+
+SITE = Site()
+SENSING = {
+    "hand_eye_x": 0.006,
+    "hand_eye_turn_z": 0.6,
+    "depth_scale": 0.008,
+    "depth_bias": 0.004,
+    "mask_erosion": 0.001,
+}
+WAYS = {"tcp_y": 0.006, "under_reach": 0.05, "backlash": 0.002, "tool_compliance": 0.05}
+"""Errors that change the path of the tip; those of `WHEN` change only its times."""
+WHEN = {"command_delay": 0.1, "actuator_lag": 0.08, "camera_time_offset": 0.03}
+NO_LOAD = Load(np.zeros((23, 3)))
+
+
+def model(**apparatus: float) -> Model:
+    """The nominal model with these errors of cameras and arm."""
+    return replace(
+        nominal_model("rope_push"),
+        apparatus=tuple(
+            Parameter(name=name, value=value, unit="1", low=value, high=value) for name, value in apparatus.items()
+        ),
+        extension=Extension(camera_m=(0.55, -0.25, 0.95)),
+    )
+
+
+def curved() -> Motion:
+    """A push through the rope that turns back at its end."""
+    angle = np.linspace(-1.2, 2.2, 20)
+    steps = 0.006 * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return SPACE.motion(np.concatenate([[0.55, -0.03], steps.ravel()]).astype(np.float32), AWAY, SITE)
+
+
+def told(error: Correction, motion: Motion, before: Points, after: Points) -> Motion:
+    return error.command(motion, before, after, SITE)
+
+
+@pytest.mark.parametrize("name", SENSING)
+def test_what_the_cameras_show_is_undone_to_a_tenth_of_a_millimetre(name: str) -> None:
+    error, true = correction(model(**{name: SENSING[name]})), rope(0.05, 0.3)
+    shown = error.seen(true)
+    assert np.abs(shown - true).max() > 5e-4
+    np.testing.assert_allclose(error.unseen(shown), true, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_an_arm_that_is_told_the_command_makes_the_motion(name: str) -> None:
+    error, motion, before = correction(model(**{name: WAYS[name]})), curved(), rope()
+    felt = error._felt(motion, before, rope(0.03))
+    assert np.abs(error.made(motion.positions, felt) - motion.positions).max() > 1e-3
+    command = told(error, motion, before, rope(0.03))
+    np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
+    np.testing.assert_array_equal(command.speeds, motion.speeds)
+
+
+def test_several_errors_at_once_are_undone_together() -> None:
+    error, motion = correction(model(**WAYS)), curved()
+    command = told(error, motion, rope(), rope(0.03))
+    felt = error._felt(motion, rope(), rope(0.03))
+    np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", WHEN)
+def test_what_comes_late_goes_the_same_way(name: str) -> None:
+    motion = curved()
+    command = told(correction(model(**{name: WHEN[name]})), motion, rope(), rope(0.03))
+    np.testing.assert_allclose(command.positions, motion.positions, atol=1e-5)
+
+
+def test_a_command_stays_above_the_floor_of_the_workspace() -> None:
+    command = told(correction(model(tcp_z=-0.005)), curved(), rope(), rope(0.03))
+    assert command.positions[:, 2].min() == SITE.limits.workspace.low[2]
+    assert SITE.limits.workspace.contains(command.positions)
+
+
+def test_a_prediction_that_is_not_finite_is_commanded_and_shown_all_the_same() -> None:
+    error, lost = correction(model(tool_compliance=0.05, hand_eye_x=0.004)), np.full_like(rope(), np.nan)
+    assert np.isfinite(told(error, curved(), rope(), lost).positions).all()
+    assert np.isnan(error.seen(lost)).all()
+
+
+def transition(measured: bool) -> Transition:
+    """A straight push of 10 cm."""
+    x = np.concatenate([np.full(5, 0.5), np.linspace(0.5, 0.6, 50), np.full(5, 0.6)])
+    z = np.concatenate([np.linspace(0.12, 0.006, 5), np.full(50, 0.006), np.linspace(0.006, 0.12, 5)])
+    poses = np.column_stack([x, np.zeros_like(x), z, np.tile(TOOL_DOWN, (60, 1))])
+    executed = Executed(
+        id=fresh_id("executed"),
+        time_s=1.0,
+        approved_id=fresh_id("approved"),
+        outcome="completed",
+        reason="",
+        times_s=np.linspace(0, 1.2, 60),
+        commanded=poses,
+        measured=poses if measured else poses[:0],
+    )
+    return Transition(id=fresh_id("transition"), time_s=2.0, before=rope(), executed=executed, after=rope(0.02))
+
+
+def test_what_an_arm_measures_of_itself_is_not_taken_off_twice() -> None:
+    error = correction(model(under_reach=0.1, tcp_x=0.004))
+    ends = [error.transition(transition(measured)).executed.made[-1, 0] for measured in (True, False)]
+    np.testing.assert_allclose(ends, [0.604, 0.594], atol=1e-9)
+
+
+def test_a_transition_is_where_it_really_was() -> None:
+    seen = transition(measured=True)
+    true = correction(model(hand_eye_y=0.005)).transition(seen)
+    for shown, real in ((seen.before, true.before), (seen.after, true.after)):
+        np.testing.assert_allclose(real, shown - np.float32([0, 0.005, 0]), atol=1e-6)
+    np.testing.assert_array_equal(true.executed.made, seen.executed.made)

@@ -1,0 +1,53 @@
+"""Model under test for a rope: the simulator of stiff rods if the pushes are of one, else the usual one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.dataset.study import Study
+from app.discovery.residuals.predict import Predictor, prepare
+from app.policy.random_pushes import PushDesign
+from app.sim.model.params import index
+from app.tasks.discovery_subject import doubted_in, subject_of
+from bench.hidden.ropes import RopeCase
+
+CASE = RopeCase(seed=7001, plan=PushDesign(episodes=2, pushes=3))
+STIFFNESS = index("stiffness")
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return CASE.record()
+
+
+def test_stiff_rods_begin_where_the_usual_ones_end_and_go_on_farther() -> None:
+    usual, stiff = subject_of(CASE.task), subject_of(CASE.task, stiff=True)
+    ranges = [catalogue(subject.rods).specs[STIFFNESS] for subject in (usual, stiff)]
+    assert ranges[0].high <= stiff.nominal[STIFFNESS] < 1.05 * ranges[0].high
+    assert ranges[1].high > 5 * ranges[0].high
+    np.testing.assert_array_equal(np.delete(usual.nominal, STIFFNESS), np.delete(stiff.nominal, STIFFNESS))
+
+
+def test_pushes_of_a_limp_rope_doubt_the_usual_simulator(study: Study) -> None:
+    subject, usual = doubted_in(study, CASE.task).subject, subject_of(CASE.task)
+    assert subject.rods == usual.rods
+    np.testing.assert_array_equal(subject.nominal, usual.nominal)
+
+
+@pytest.mark.slow
+def test_pushes_of_a_rope_that_is_stiffer_than_that_bears_doubt_the_one_of_stiff_rods(study: Study) -> None:
+    stiff = subject_of(CASE.task, stiff=True)
+    known = catalogue(stiff.rods)
+    truth = known.nominal(stiff)
+    truth[STIFFNESS] *= 6
+    after = Predictor(stiff, known)(prepare(study, stiff), [truth]).after[0]
+    assert np.isfinite(after).all()
+    pushes = tuple(
+        replace(push, during=(), after=replace(push.after, points=cloud))
+        for push, cloud in zip(study.pushes, after, strict=True)
+    )
+    found = doubted_in(replace(study, pushes=pushes), CASE.task).subject
+    assert found.rods == stiff.rods
+    assert found.nominal[STIFFNESS] >= stiff.nominal[STIFFNESS]
