@@ -11,8 +11,7 @@ WatchState: TypeAlias = Literal["learning", "right", "wrong"]
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Watched(Message):
-    """State of the change detection after a push (`app.discovery.monitor.change_detection`). `cause` holds the
-    transition's id.
+    """State of the change detection after a push (see `app.discovery.monitor`). `cause` holds the transition's id.
 
     `pushes`: pushes watched so far; `learning`: too few for a detection. `since`: the first push that the model seems
     to predict wrongly, 0 where it is right so far. `evidence` against the model, as a share of the alarm threshold; an
