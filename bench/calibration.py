@@ -20,7 +20,7 @@ from app.calibration.evidence import Evidence, ModelScorer, gather
 from app.calibration.fit import FitSettings
 from app.config import Site
 from app.core.messages import Transition
-from app.policy.base import AWAY, Now
+from app.policy.base import AWAY, PlanningState
 from app.sim.model.params import index
 from app.tasks import Task, load, nominal_model
 from app.tasks.jit_cache import advance
@@ -32,7 +32,7 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
     table, rng, seen = Table(task, seed, particle_count), np.random.default_rng(seed), list[Transition]()
     goal, x = task.goal(seed, particle_count), table.observe()
     for number in range(pushes):
-        now = Now.at_rest(jnp.asarray(x)[None])
+        now = PlanningState.at_rest(jnp.asarray(x)[None])
         if number % 2:
             action = jnp.asarray(task.actions.sample(rng, x, AWAY, 1))
         else:

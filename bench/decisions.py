@@ -18,8 +18,8 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.planner.actions.actions import Pushes
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search
-from app.policy.base import AWAY, Now
+from app.planner.search.tree import TreeConfig
+from app.policy.base import AWAY, PlanningState
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.granular import Granular
 from app.sim.model.params import NOMINAL_PHYSICS, nominal_phi
@@ -59,7 +59,7 @@ def rope(repeats: int) -> Decision:
     assert isinstance(task.actions, Pushes)
     space = replace(task.actions, push_substeps=20 * SUBSTEPS, rest_substeps=0)
     planner = TreePlanner(
-        search=Search(
+        search=TreeConfig(
             space=space,
             policy=task.policy,
             weights=task.weights,
@@ -148,7 +148,7 @@ def calibration(repeats: int) -> Decision:
     x, after = (task.goal(seed, particles) for seed in (0, 1))
     rng = np.random.default_rng(0)
     actions = task.actions.sample(rng, x, AWAY, transitions)
-    away = Now.at_rest(jnp.tile(x, (transitions, 1, 1))).tool
+    away = PlanningState.at_rest(jnp.tile(x, (transitions, 1, 1))).tool
     evidence = Evidence(
         before=np.tile(x, (transitions, 1, 1)),
         tool=np.asarray(task.actions.tool_path(jnp.asarray(actions), away)),

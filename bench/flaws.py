@@ -27,7 +27,7 @@ from app.core.messages import Frame
 from app.core.motion import pointing_down
 from app.perception.body.temporal_depth_filter import JUMP_M, steadied
 from app.perception.cloud.depth import nearest
-from app.perception.reconstruct import Known, Reconstruction, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.arm_model import solve_joints
@@ -109,17 +109,17 @@ def _rows(seed: int, flaw: Flaw) -> dict[str, Row | None]:
     how = replace(TASK.seeing, underside="thin") if flaw is flying else TASK.seeing
     memory = reconstruct(before, how).memory
     steady = [steadied(frame, former) for frame, former in zip(now, before, strict=True)]
-    ways: dict[str, tuple[list[Frame], Reconstruction, Known, list[Frame]]] = {
-        "nothing": (now, replace(how, edge_step_m=10.0), Known(), now),
-        "+ edges rejected": (now, how, Known(), now),
-        "+ agreement with the frame before": (now, how, Known(before=tuple(before)), steady),
-        "+ memory": (now, how, Known(before=tuple(before), memory=memory), steady),
+    ways: dict[str, tuple[list[Frame], Reconstruction, PriorKnowledge, list[Frame]]] = {
+        "nothing": (now, replace(how, edge_step_m=10.0), PriorKnowledge(), now),
+        "+ edges rejected": (now, how, PriorKnowledge(), now),
+        "+ agreement with the frame before": (now, how, PriorKnowledge(before=tuple(before)), steady),
+        "+ memory": (now, how, PriorKnowledge(before=tuple(before), memory=memory), steady),
     }
     return {name: _scored(frames, way, known, used, snapshot) for name, (frames, way, known, used) in ways.items()}
 
 
 def _scored(
-    frames: list[Frame], how: Reconstruction, known: Known, used: list[Frame], snapshot: Snapshot
+    frames: list[Frame], how: Reconstruction, known: PriorKnowledge, used: list[Frame], snapshot: Snapshot
 ) -> Row | None:
     try:
         seen = reconstruct(frames, how, known=known)

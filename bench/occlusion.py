@@ -20,7 +20,7 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
-from app.core.geometry.arm_geometry import ArmShape, Limb, Posture
+from app.core.geometry.arm_geometry import ArmShape, JointState, LinkCapsule
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.scene_description import Colour, Obstacle, Stage, Vector
@@ -28,7 +28,7 @@ from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import Cloud, Points
 from app.perception.cloud.occlusion_memory import Memory
-from app.perception.reconstruct import Known, Reconstruction, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.limbs import known_arm
@@ -119,11 +119,11 @@ def ways(scene: Scene, seed: int) -> Ways:
     rng = np.random.default_rng([seed, 7])
     before = photographed(scene.task.stage, scene.before, rng, time_s=0.0)
     now = photographed(_with_board(scene.task.stage, scene.board), scene.now, rng, time_s=1.0)
-    at = Posture(joints=scene.now.joints, tool=scene.now.tool)
-    masked = Known(arm=_arm(scene), postures=(at,) * len(now))
+    at = JointState(joints=scene.now.joints, tool=scene.now.tool)
+    masked = PriorKnowledge(arm=_arm(scene), postures=(at,) * len(now))
     blind = replace(how, depth=False)
     return {
-        "nothing": _seen(now, how, Known()),
+        "nothing": _seen(now, how, PriorKnowledge()),
         "mask": _seen(now, how, masked),
         "mask + tracking": _seen(now, how, replace(masked, memory=_first(before, how, scene))),
         "hull": _seen(now, blind, masked),
@@ -133,12 +133,12 @@ def ways(scene: Scene, seed: int) -> Ways:
 
 def _first(frames: Sequence[Frame], how: Reconstruction, scene: Scene) -> Memory:
     """Memory from the view before, when there was no board."""
-    at = Posture(joints=scene.before.joints, tool=scene.before.tool)
-    known = Known(arm=known_arm(scene.task.stage.tool), postures=(at,) * len(frames))
+    at = JointState(joints=scene.before.joints, tool=scene.before.tool)
+    known = PriorKnowledge(arm=known_arm(scene.task.stage.tool), postures=(at,) * len(frames))
     return reconstruct(frames, how, known=known).memory
 
 
-def _seen(frames: Sequence[Frame], how: Reconstruction, known: Known) -> Points | None:
+def _seen(frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge) -> Points | None:
     try:
         return reconstruct(frames, how, known=known).positions
     except PerceptionError:
@@ -210,13 +210,13 @@ def _arm(scene: Scene) -> ArmShape:
     return arm if scene.board is None else replace(arm, limbs=(*arm.limbs, *slats(scene.board)))
 
 
-def slats(board: Obstacle) -> Iterator[Limb]:
+def slats(board: Obstacle) -> Iterator[LinkCapsule]:
     """The board as capsules side by side."""
     (x, y, z), (wide, long, thick) = board.place_m, board.half_m
     count = int(np.ceil(long / thick))
     for at in np.linspace(y - long + thick, y + long - thick, count + 1):
         begin: Vector = (x - wide + thick, float(at), z)
-        yield Limb(link=0, begin=begin, end=(x + wide - thick, float(at), z), radius_m=thick * 2**0.5)
+        yield LinkCapsule(link=0, begin=begin, end=(x + wide - thick, float(at), z), radius_m=thick * 2**0.5)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from app.core.geometry.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Theta
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, resisting
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.perception.body.resample import resample
@@ -142,9 +142,9 @@ class OwnWorld:
         measured = move.measured(rng)
         return Push(
             episode=episode,
-            before=View(time_s=float(command.times_s[0]), points=before),
-            during=(View(time_s=move.view_s, points=during, finger=finger),) if self.plan.during else (),
-            after=View(time_s=move.end_s, points=after),
+            before=ProjectionView(time_s=float(command.times_s[0]), points=before),
+            during=(ProjectionView(time_s=move.view_s, points=during, finger=finger),) if self.plan.during else (),
+            after=ProjectionView(time_s=move.end_s, points=after),
             command=command,
             measured=measured if self.plan.measured else None,
         )

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from app.core.errors import UsageError
 from app.planner.search.tree import first_action
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.examples import Examples
 from app.policy.learned.train import Progress, TrainingSettings, learn
@@ -35,7 +35,7 @@ def situations(task: Task, count: int = 10) -> Examples:
     particles, rows = task.preset("cpu").particle_count, []
     for seed in range(count):
         x, goal = task.particles(task.start(seed), particles), task.goal(seed, particles)
-        now = Now.at_rest(jnp.asarray(x)[None])
+        now = PlanningState.at_rest(jnp.asarray(x)[None])
         action = task.policy.act(task.policy.prepare(x, goal), now).mean
         rows.append((x, goal, np.asarray(now.tool[0]), np.asarray(action[0]), x, seed))
     return Examples(*(np.stack(column) for column in zip(*rows, strict=True)))
@@ -63,7 +63,7 @@ def row(task: Task, kind: str, shown: Examples) -> Sequence[str]:
     policy, _ = learn(kinds.load(kind), lessons(task, world), shown, settings, None, listen)
     step_s = (moments[1] - moments[0]) / _TIMED
     prepared = policy.prepare(shown.x[0], shown.goal[0])
-    one, many = (Now.at_rest(jnp.tile(jnp.asarray(shown.x[:1]), (count, 1, 1))) for count in (1, _CANDIDATES))
+    one, many = (PlanningState.at_rest(jnp.tile(jnp.asarray(shown.x[:1]), (count, 1, 1))) for count in (1, _CANDIDATES))
     times = [f"{milliseconds(partial(first_action, policy, prepared, now)):.1f}" for now in (one, many)]
     return [kind, f"{1e3 * step_s:.0f}", str(_STEPS[kind]), f"{_STEPS[kind] * step_s / 60:.1f}", *times]
 

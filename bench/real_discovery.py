@@ -27,12 +27,12 @@ from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out, is_sized
 from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, Trials, prepare
-from app.discovery.results.case import Blame, Limit
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.results.case import CauseResult, Limit
 from app.discovery.results.gain import error_mm
 from app.discovery.results.verdict import ranking_of, verdict_of
-from app.discovery.unexplained.formula import Opened
-from app.discovery.unexplained.residual_test import Leftover
+from app.discovery.unexplained.formula import UnexplainedForce
+from app.discovery.unexplained.residual_test import ResidualTest
 from app.tasks import load
 from app.tasks.discovery_subject import doubted_in
 from bench import real_pushes
@@ -57,7 +57,7 @@ KNOWN: Final[tuple[tuple[str, tuple[float, ...]], ...]] = (
     ("mask_erosion", (0.003,)),
 )
 """Errors that are put into the recordings. None has to do with times: those of a push were not recorded."""
-_NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
+_NOT_LOOKED_FOR: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
 _LISTED: Final = 4
 _TOLD: Final = 0.7
 """An interval that is wider than this share of its prior's tells nothing."""
@@ -70,11 +70,11 @@ class Investigated:
     """Verdict of the pipeline on a study, and the intermediate results behind it."""
 
     predictor: Predictor
-    trials: Trials
+    trials: SimulationBatch
     screening: Screening
     decision: ModelSelection
     limits: tuple[Limit, ...]
-    ranking: tuple[Blame, ...]
+    ranking: tuple[CauseResult, ...]
 
     @property
     def extended(self) -> Theta:
@@ -146,7 +146,7 @@ def left_out(study: Study, subject: Subject) -> list[Errors]:
     return found
 
 
-def _errors(trials: Trials, end: Points) -> tuple[float, float]:
+def _errors(trials: SimulationBatch, end: Points) -> tuple[float, float]:
     return error_mm(trials, 0, end), chamfer_mm(end, trials.observed.after[0])
 
 

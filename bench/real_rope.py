@@ -20,7 +20,7 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import Step, moved
 from app.services.study import read_study
 from app.sim.tools.finger import FingerCollider
@@ -224,7 +224,7 @@ def _step(known: Catalogue, name: str) -> Step:
     return Step(cause=name, column=column, size=size, sides=2)
 
 
-def _compared(trials: Trials, after: Points) -> Predicted:
+def _compared(trials: SimulationBatch, after: Points) -> Predicted:
     pairs = list(zip(after, trials.observed.after, strict=True))
     whole = [np.isfinite(cloud).all() for cloud, _ in pairs]
     flat = [chamfer_mm(*pair) if fine else np.nan for pair, fine in zip(pairs, whole, strict=True)]

@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from app.discovery.dataset.model_under_test import Subject, catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.inference.screen import refit
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.gain import error_mm
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.push_session import StampedSnapshot, rehearse
@@ -55,9 +55,9 @@ def study(seed: int) -> Study:
     return Study(task=TASK.name, pushes=tuple(pushes))
 
 
-def _view(look: StampedSnapshot) -> View:
+def _view(look: StampedSnapshot) -> ProjectionView:
     points = fill_tube(look.snapshot.nodes, TASK.rope.radius_m, TASK.preset("cpu").particle_count)
-    return View(time_s=look.stamp_s, points=points)
+    return ProjectionView(time_s=look.stamp_s, points=points)
 
 
 def scenes() -> Iterator[tuple[str, Scene]]:
@@ -74,7 +74,7 @@ def scenes() -> Iterator[tuple[str, Scene]]:
     yield "fibres in matter that yields", made(ROPE)
 
 
-def errors_mm(subject: Subject, trials: Trials) -> tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, " P"]]:
+def errors_mm(subject: Subject, trials: SimulationBatch) -> tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, " P"]]:
     """Errors of the refitted model on each push; and that model."""
     predictor = Predictor(subject, catalogue())
     theta = refit(predictor, trials)

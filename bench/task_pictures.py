@@ -13,7 +13,7 @@ import tyro
 from app.config import Site
 from app.core.types import ColourImage
 from app.perception.reconstruct import reconstruct
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import Task, load
 
@@ -34,7 +34,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
         x = reconstruct(frames, task.reconstruction("cpu"), cell.tool).positions
         if made == task.horizon or task.ended(x, goal, cell.tool):
             return seen
-        now = Now.at_rest(jnp.asarray(x)[None], cell.tool)
+        now = PlanningState.at_rest(jnp.asarray(x)[None], cell.tool)
         action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)
         cell.execute(task.actions.motion(np.asarray(action)[0], cell.tool, Site()))
     raise AssertionError("counting has no end")

@@ -17,11 +17,11 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.core.geometry.arm_geometry import Posture
+from app.core.geometry.arm_geometry import JointState
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.scene_description import Obstacle
 from app.core.types import ToolPose
-from app.perception.reconstruct import Known, Reconstructed, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstructed, reconstruct
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.worlds.world import Snapshot, World
@@ -81,7 +81,7 @@ def _pushed(
     task: Task, world: World, seed: int, over: Float64[np.ndarray, "2"], ahead: Float64[np.ndarray, "2"], z: float
 ) -> Errors:
     rng = np.random.default_rng(seed)
-    whole = _look(task, world.snapshot(), rng, board=False, known=Known())
+    whole = _look(task, world.snapshot(), rng, board=False, known=PriorKnowledge())
     world.step(_at(world.tool, over - _BEFORE_M * ahead, _HIGH_M), 1.0)
     world.step(_at(world.tool, over - _BEFORE_M * ahead, z), 0.7)
     way, masked, stayed, went = [world.tool.copy()], whole, whole, whole
@@ -92,9 +92,9 @@ def _pushed(
             world.step(_at(world.tool, world.tool[:2] + step, z), 0.03)
             way.append(world.tool.copy())
         snapshot = world.snapshot()
-        masked = _look(task, snapshot, rng, board=True, known=Known())
-        stayed = _look(task, snapshot, rng, board=True, known=Known(memory=stayed.memory))
-        went = _look(task, snapshot, rng, board=True, known=Known(memory=went.memory, way=np.array(way)))
+        masked = _look(task, snapshot, rng, board=True, known=PriorKnowledge())
+        stayed = _look(task, snapshot, rng, board=True, known=PriorKnowledge(memory=stayed.memory))
+        went = _look(task, snapshot, rng, board=True, known=PriorKnowledge(memory=went.memory, way=np.array(way)))
     truth = task.particles(world.nodes(), task.seeing.particle_count)
     ways = {"mask": masked, "kept": stayed, "carried": went}
     return {name: 1e3 * float(np.sqrt(chamfer_m2(each.positions, truth) / 2)) for name, each in ways.items()}
@@ -106,7 +106,9 @@ def _at(tool: ToolPose, xy: Float64[np.ndarray, "2"], z: float) -> ToolPose:
     return pose
 
 
-def _look(task: Task, snapshot: Snapshot, rng: np.random.Generator, *, board: bool, known: Known) -> Reconstructed:
+def _look(
+    task: Task, snapshot: Snapshot, rng: np.random.Generator, *, board: bool, known: PriorKnowledge
+) -> Reconstructed:
     """Reconstruct with the arm known, and the board if it carries one."""
     stage, arm = task.stage, known_arm(task.stage.tool)
     if board:
@@ -115,7 +117,7 @@ def _look(task: Task, snapshot: Snapshot, rng: np.random.Generator, *, board: bo
         stage = replace(stage, fixtures=(*stage.fixtures, over))
         arm = replace(arm, limbs=(*arm.limbs, *slats(over)))
     frames = photographed(stage, snapshot, rng, time_s=snapshot.time_s)
-    posture = Posture(joints=snapshot.joints, tool=snapshot.tool)
+    posture = JointState(joints=snapshot.joints, tool=snapshot.tool)
     return reconstruct(frames, task.seeing, known=replace(known, arm=arm, postures=(posture,) * len(frames)))
 
 

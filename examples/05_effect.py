@@ -12,7 +12,7 @@ import tyro
 import warp as wp
 
 from app.core.types import Points
-from app.sim.effects.base import MIDDLE_M, Effect, Node, linear
+from app.sim.effects.base import MIDDLE_M, Effect, NodeContext, linear
 from app.sim.model.params import parameters_with
 from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import make_rollout
@@ -23,7 +23,7 @@ MIDDLE_X, MIDDLE_Y = wp.constant(MIDDLE_M[0]), wp.constant(MIDDLE_M[1])
 
 
 @wp.func
-def turned_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def turned_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep on a table that turns at w = phi[at]: a = 2 w (v_y, -v_x) + w^2 (x, y).
 
     In the table's frame (Coriolis 1835, "Sur les équations du mouvement relatif des systèmes de corps").

@@ -12,7 +12,7 @@ from jaxtyping import Float32
 from tyro.conf import Positional
 
 from app.planner.search.tree import first_action
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned.kinds import load as load_kind
 from app.policy.learned.train import TrainingSettings, learn
 from app.recording.library.demonstrations import read_taught
@@ -26,7 +26,7 @@ def main(recordings: Positional[tuple[Path, ...]], kind: str = "bc", steps: int 
     task = load(shown[0].task)
     taught = examples(task, [(each.transitions, each.goals) for each in shown])
     policy, training = learn(load_kind(kind), lessons(task), taught, TrainingSettings(steps=steps, batch=16))
-    now = Now.at_rest(jnp.asarray(taught.x[:1]))
+    now = PlanningState.at_rest(jnp.asarray(taught.x[:1]))
     proposed = first_action(policy, policy.prepare(taught.x[0], taught.goal[0]), now)
     actions = jnp.concatenate([task.actions.project(proposed, now), taught.actions[:1]])
     path = np.asarray(task.actions.tool_path(actions, jnp.repeat(now.tool, 2, axis=0)))

@@ -14,10 +14,10 @@ from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
 from app.core.dialogue.words import millimetres
 from app.planner.search.budget import at_least, tree_rollouts
-from app.planner.search.optimise import Descended, Descent, Evaluate, select
+from app.planner.search.optimise import Evaluate, OptimizedRollouts, OptimizerConfig, select
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Rollout, Search
+from app.planner.search.tree import Rollout, TreeConfig
 from app.tasks import jit_cache as compiled
 from app.tasks import load, nominal_model
 
@@ -26,7 +26,7 @@ STEP = 0.5
 
 def evolve(
     evaluate: Evaluate, actions: Float[Array, "B D A"], scale: Float32[np.ndarray, " A"], *, generations: int
-) -> Descended:
+) -> OptimizedRollouts:
     """Each branch mutates and keeps what is cheaper: a (1 + 1) strategy (Rechenberg 1973, "Evolutionsstrategie")."""
 
     def generation(best: Rollout, key: PRNGKeyArray) -> tuple[Rollout, Float[Array, " B"]]:
@@ -36,10 +36,10 @@ def evolve(
 
     first = evaluate(actions)
     best, costs = jax.lax.scan(generation, first, jax.random.split(jax.random.key(0), generations))
-    return Descended.sampled(best, jnp.concatenate([first.cost[None], costs]))
+    return OptimizedRollouts.sampled(best, jnp.concatenate([first.cost[None], costs]))
 
 
-def planner(search: Search, descent: Descent, gradient_steps: int) -> TreePlanner:
+def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> TreePlanner:
     """Without policy and gradients, and with as many rollouts as the tree has."""
     optimise = partial(evolve, generations=at_least(tree_rollouts(search, gradient_steps), search.branches))
     return TreePlanner(search=replace(search, guided=False), descent=descent, gradient_steps=0, optimise=optimise)

@@ -27,7 +27,7 @@ from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.recovery_policy import Patience
+from app.rig.realsense.recovery_policy import RecoveryTimeouts
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.settings import StreamSettings
@@ -37,7 +37,7 @@ from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.world import Snapshot
 
-_PATIENT = Patience(late_s=5.0)
+_PATIENT = RecoveryTimeouts(late_s=5.0)
 """Timeouts for rendered images, which come when the machine has time for them."""
 
 

@@ -25,7 +25,7 @@ from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
-from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks.base import Task
@@ -50,7 +50,7 @@ class PushRecordingConfig:
     task: Task
     plan: PushDesign
     physics: WorldPhysics
-    hidden: tuple[Injected, ...]
+    hidden: tuple[InjectedEffect, ...]
     seed: int
     folder: Path
     cameras: int = 2

@@ -13,7 +13,7 @@ from app.core.errors import PlanningError, RecordingError, UsageError
 from app.core.geometry.track import Track
 from app.core.messages import Message, Particles, Transition
 from app.core.task_name import recorded
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
 from app.perception.body.resample_to_count import recounted
@@ -86,7 +86,7 @@ class ProbedCell:
         self._made.append(self._seen_push(seen, take, told))
         return held
 
-    def _approved(self, seen: View, episode: int, held: Belief) -> tuple[Track, Belief]:
+    def _approved(self, seen: ProjectionView, episode: int, held: Belief) -> tuple[Track, Belief]:
         """An approved push, and the belief expected after it. Raises UsageError if none is approved."""
         while self._asked:
             track = self._aimed(self._asked.pop(0), seen)
@@ -104,7 +104,7 @@ class ProbedCell:
                 return probe.track, held.expecting(probe.information)
         raise UsageError(f"{_REJECTIONS} pushes were rejected in a row; what is recorded is kept.")
 
-    def _chosen(self, seen: View, episode: int, held: Belief) -> Probe:
+    def _chosen(self, seen: ProjectionView, episode: int, held: Belief) -> Probe:
         self._draws += 1
         seed = int(np.random.default_rng([self.session.seed, self._draws]).integers(2**31))
         plan = self.session.plan
@@ -118,7 +118,7 @@ class ProbedCell:
             raise PlanningError(f"The rope lies where no push may be made: {why}")
         return track
 
-    def _aimed(self, track: Track, seen: View) -> Track | None:
+    def _aimed(self, track: Track, seen: ProjectionView) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
         from app.planner.actions.actions import Pushes
         from app.tasks.suggested_push import aimed
@@ -134,10 +134,10 @@ class ProbedCell:
         moved = replace(track, times_s=track.times_s + late_s).moved(track.positions + shift)
         return moved if refusal(probe_motion(self._task, moved, self._site), self._site) == "" else None
 
-    def _view(self, particles: Particles) -> View:
-        return View(time_s=particles.time_s, points=recounted(particles.positions, self._count))
+    def _view(self, particles: Particles) -> ProjectionView:
+        return ProjectionView(time_s=particles.time_s, points=recounted(particles.positions, self._count))
 
-    def _seen_push(self, before: View, take: PushSample, told: Sequence[Message]) -> Push:
+    def _seen_push(self, before: ProjectionView, take: PushSample, told: Sequence[Message]) -> Push:
         during, after = (message for message in told if isinstance(message, Particles))
         assert any(isinstance(message, Transition) for message in told)
         return Push(
@@ -170,7 +170,7 @@ def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int
             break
         found.append(probe)
         held, track = held.expecting(probe.information), probe.track
-        after = View(time_s=track.end_s, points=probe.predicted)
+        after = ProjectionView(time_s=track.end_s, points=probe.predicted)
         made.append(Push(episode=last.episode, before=seen, during=(), after=after, command=track, measured=None))
         seen = after
     return found

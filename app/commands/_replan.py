@@ -22,7 +22,7 @@ from app.recording.read.timeline import Timeline
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
 from app.tasks.worker_api import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
 
@@ -57,7 +57,7 @@ class RecordedState:
 
 def moment(timeline: Timeline, time_s: float) -> RecordedState:
     """State at `time_s` [s]. Raises UsageError if that is too little to plan with."""
-    board = reduce(Board.after, timeline.at(time_s), Board(replay=True))
+    board = reduce(ConsoleState.after, timeline.at(time_s), ConsoleState(replay=True))
     lacking = [name for name, seen in (("object", board.particles), ("goal", board.goal)) if seen is None]
     if board.particles is None or board.goal is None:
         raise UsageError(

@@ -24,7 +24,7 @@ from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, sav
 from app.policy.learned.train import Progress, Training, TrainingSettings, begin, learn
 from app.recording.exchange.model_file import load_model
 from app.recording.format.digests import check_distinct
-from app.recording.library.demonstrations import Taught, read_taught
+from app.recording.library.demonstrations import Demonstrations, read_taught
 from app.recording.library.recording_index import counted_once
 from app.tasks import load
 from app.tasks.teaching import examples, lessons, simulator
@@ -106,7 +106,7 @@ def train(
     )
 
 
-def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
+def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Demonstrations]:
     """Each recording once. Raises UsageError where one is of another task."""
     if not demos:
         raise UsageError("Name at least one recording: dipac train TASK --demos recordings/TASK/*.mcap")

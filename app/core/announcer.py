@@ -19,7 +19,7 @@ _BOUND = 500
 
 
 @final
-class Announcer:
+class MessageBus:
     """Shows messages to `operator`, hands them to `recorder`, and counts them and the faults in `summary`."""
 
     def __init__(self, *, operator: Operator, recorder: Recorder, clock: Clock, summary: Summary) -> None:

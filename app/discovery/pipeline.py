@@ -24,12 +24,12 @@ from app.discovery.inference.decide import ModelSelection, Progress, decide
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening, arrows_of, refit, screen
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, Trials, prepare
-from app.discovery.results.case import Amount, Arrows, Blame, Case, Gain, Limit, Name
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, Name, ResidualField
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.gain import gained
 from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
-from app.discovery.unexplained.formula import Opened, opened
+from app.discovery.unexplained.formula import UnexplainedForce, opened
 
 _ARROWS = 40
 """Drawn for each push."""
@@ -115,7 +115,7 @@ class Judged:
     """
 
     predictor: Predictor
-    trials: Trials
+    trials: SimulationBatch
     about: Theta
     screening: Screening
     decision: ModelSelection
@@ -144,7 +144,7 @@ def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None
     )
 
 
-def _model(verdict: Name, decision: ModelSelection, open_ended: Opened) -> RefinedModel | None:
+def _model(verdict: Name, decision: ModelSelection, open_ended: UnexplainedForce) -> RefinedModel | None:
     """Model to save: that of the verdict's formula, or of its causes."""
     if verdict == "none":
         return None
@@ -181,8 +181,8 @@ def _amount(study: Study, subject: Subject) -> Amount:
 
 
 def _causes(
-    predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: RefinedModel | None
-) -> tuple[Blame, ...]:
+    predictor: Predictor, ranking: tuple[CauseResult, ...], names: tuple[str, ...], model: RefinedModel | None
+) -> tuple[CauseResult, ...]:
     """Causes of the verdict; if several act together, with the sizes of the model that has them all."""
     found = [next(blame for blame in ranking if blame.effect == name) for name in names]
     if model is None or len(model.causes) == 1:
@@ -197,7 +197,9 @@ def _causes(
     )
 
 
-def _rivals(screening: Screening, decision: ModelSelection, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
+def _rivals(
+    screening: Screening, decision: ModelSelection, open_ended: UnexplainedForce
+) -> dict[str, tuple[float, Theta]]:
     """Hypotheses that are still probable, with their models."""
     rivals = {
         model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)
@@ -219,14 +221,16 @@ def _gain_text(gain: Gain) -> str:
     )
 
 
-def _arrows(trials: Trials, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]) -> Arrows:
+def _arrows(
+    trials: SimulationBatch, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]
+) -> ResidualField:
     """Evenly chosen along the object, so many a push."""
     count = places.shape[1]
     order = np.argsort(trials.labels[:, :, 0], axis=1)
     chosen = order[:, np.linspace(0, count - 1, min(_ARROWS, count)).round().astype(int)]
     pick = np.arange(len(places))[:, None], chosen
     push = np.broadcast_to(pick[0], chosen.shape)
-    return Arrows(
+    return ResidualField(
         places=places[pick].reshape(-1, 2).astype(np.float32),
         displacements=arrows[pick].reshape(-1, 2).astype(np.float32),
         push=push.ravel().astype(np.float32),

@@ -6,7 +6,7 @@ from typing import final
 import anyio
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.errors import ApprovalRefused
 from app.core.messages import Decision, Particles, Proposal
@@ -28,7 +28,7 @@ class Approving:
         site: Site,
         sensing: Sensing,
         modes: Modes,
-        announcer: Announcer,
+        announcer: MessageBus,
         clock: Clock,
         *,
         hindrance: Callable[[], str],

@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from app.core.geometry.arm_geometry import Posture
+from app.core.geometry.arm_geometry import JointState
 from app.core.ports import Clock, Posed
 from app.core.types import ToolPath
 
@@ -23,7 +23,7 @@ class Following:
 
     def __init__(self, arm: Posed, clock: Clock) -> None:
         self._arm, self._clock = arm, clock
-        self._past = deque[tuple[float, Posture]](maxlen=_KEPT)
+        self._past = deque[tuple[float, JointState]](maxlen=_KEPT)
 
     async def run(self) -> None:
         """Sample for ever."""
@@ -33,9 +33,9 @@ class Following:
 
     def sample(self) -> None:
         """Note where the arm is now."""
-        self._past.append((self._clock.now(), Posture(joints=self._arm.joints(), tool=self._arm.tool())))
+        self._past.append((self._clock.now(), JointState(joints=self._arm.joints(), tool=self._arm.tool())))
 
-    def at(self, time_s: float) -> Posture:
+    def at(self, time_s: float) -> JointState:
         """The arm's pose at that time [s]; beyond the samples the nearest."""
         if not self._past:
             self.sample()
@@ -47,7 +47,7 @@ class Following:
         return np.array([self.at(since_s).tool, *between, self.at(until_s).tool])
 
 
-def posed(past: Sequence[tuple[float, Posture]], time_s: float) -> Posture:
+def posed(past: Sequence[tuple[float, JointState]], time_s: float) -> JointState:
     """Pose at `time_s` [s], interpolated between the samples of the `past`; beyond them the nearest."""
     later = next((index for index, (at_s, _) in enumerate(past) if at_s >= time_s), None)
     if later is None:
@@ -61,4 +61,4 @@ def posed(past: Sequence[tuple[float, Posture]], time_s: float) -> Posture:
     # Its turn is that of the nearer sample: in 40 ms a tool turns by 2 degrees at most.
     tool = (before if share < _HALF else after).tool.copy()
     tool[:3] = before.tool[:3] + share * (after.tool[:3] - before.tool[:3])
-    return Posture(joints=before.joints + share * turned, tool=tool)
+    return JointState(joints=before.joints + share * turned, tool=tool)

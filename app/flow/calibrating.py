@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.camera_calibration_messages import BoardSeen, Checked, Placed, Placing, TakenView
 from app.core.dialogue.control import ModeName
 from app.core.dialogue.requests import CalibrationRequest
@@ -44,7 +44,7 @@ class Calibrating:
     """One camera at a time. `shelf`: where calibrations are kept; without one, none is."""
 
     def __init__(
-        self, rig: Rig, frames: Frames, shelf: CameraShelf | None, site: Site, announcer: Announcer, clock: Clock
+        self, rig: Rig, frames: Frames, shelf: CameraShelf | None, site: Site, announcer: MessageBus, clock: Clock
     ) -> None:
         self._rig, self._frames, self._shelf, self._site = rig, frames, shelf, site
         self._announcer, self._clock = announcer, clock

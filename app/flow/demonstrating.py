@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, final
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.demonstration_messages import Take, TakeState
 from app.core.dialogue.requests import ClipRequest, TakeRequest
 from app.core.errors import DipacError
@@ -16,7 +16,7 @@ from app.core.ports import Clock, Studio
 class Demonstrating:
     """Recorder of demonstrations on request; it publishes a `Take` each time, or the reason without `studio`."""
 
-    def __init__(self, studio: Studio | None, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, studio: Studio | None, announcer: MessageBus, clock: Clock) -> None:
         self._announcer, self._clock, self._studio = announcer, clock, studio
         self._number = self._succeeded = self._transitions = 0
         self._path: Path | None = None

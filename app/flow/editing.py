@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, final
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import EditRequest
 from app.core.errors import PlanningError, WorkerError
 from app.core.geometry.orientation import UNKNOWN, Orientation
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # The planner is loaded in its own process alone.
 class Editing:
     """Makes a plan of the latest change. Like any plan it is shown, approved and checked before the arm moves."""
 
-    def __init__(self, wish: EpisodeConfig, announcer: Announcer, planner: Worker, site: Site) -> None:
+    def __init__(self, wish: EpisodeConfig, announcer: MessageBus, planner: Worker, site: Site) -> None:
         self._task, self._preset, self._site = wish.task.name, wish.preset, site
         self._announcer, self._planner = announcer, planner
         self._wanted: tuple[EditRequest, Proposal] | None = None

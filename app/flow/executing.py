@@ -3,21 +3,21 @@
 from collections.abc import Callable
 from typing import final
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.summary import Summary
 from app.core.errors import MotionRefused
 from app.core.messages import Executed
 from app.core.ports import Clock, Rig
 from app.flow.planning import FAILURES_IN_A_ROW
-from app.flow.stop_latch import Holding
+from app.flow.stop_latch import StopLatch
 
 
 @final
 class Executing:
     """Makes motions, and counts how many the arm refused in a row."""
 
-    def __init__(self, rig: Rig, holding: Holding, summary: Summary, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, rig: Rig, holding: StopLatch, summary: Summary, announcer: MessageBus, clock: Clock) -> None:
         self._rig, self._holding = rig, holding
         self._announcer, self._summary = announcer, summary
         self._began_s, self._refused = clock.now(), 0

@@ -14,7 +14,7 @@ import anyio
 from anyio.abc import TaskGroup
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.approval import AUTOMATIC
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeRequest
@@ -62,7 +62,7 @@ from app.flow.planning import Planning
 from app.flow.preflight import Preflight
 from app.flow.probing import Probing
 from app.flow.reporting import Reporting
-from app.flow.stop_latch import Holding
+from app.flow.stop_latch import StopLatch
 from app.flow.stopping import EXHAUSTED, StoppingRule
 from app.flow.wait_until_still import rested
 from app.tasks.base import EpisodeConfig
@@ -95,12 +95,12 @@ class Flow:
             raise MotionRefused(Refusal.NOT_SIMULATED, "Automatic: on a simulated rig alone; use `dipac console`.")
         self.wish, self.site, self.rig = wish, site, rig
         self.operator, self.clock, self.summary, self.planner = operator, clock, Summary(), planner
-        self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
+        self.announcer = MessageBus(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
         automatic = "freely" if rig.simulated else "confirmed" if wish.allow_automatic else "never"
         self.modes = Modes("automatic" if wish.automatic else "approve each", wish.pushes, *by, automatic=automatic)
-        self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
+        self.holding = StopLatch(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
         self.probing = Probing(wish, planner, site, self.sensing, *by)

@@ -7,7 +7,7 @@ from typing import Final, final
 import numpy as np
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import GoalRequest, GoalSource, PictureGoalRequest
 from app.core.errors import DipacError, UsageError
 from app.core.geometry.camera import CameraModel
@@ -34,7 +34,7 @@ class Aiming:
     """Conversion of goal requests to episode configurations; failures are announced."""
 
     def __init__(
-        self, cameras: Mapping[str, CameraModel], perceiver: Worker, site: Site, announcer: Announcer, clock: Clock
+        self, cameras: Mapping[str, CameraModel], perceiver: Worker, site: Site, announcer: MessageBus, clock: Clock
     ) -> None:
         self._announcer, self._clock, self._site = announcer, clock, site
         self._perceiver, self._cameras = perceiver, cameras

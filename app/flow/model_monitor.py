@@ -6,7 +6,7 @@ from typing import NamedTuple, final
 
 from anyio import to_thread
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.model_monitor_messages import Verdict, Watched
 from app.core.messages import Model, Proposal, Transition, fresh_id
 from app.core.ports import Clock
@@ -33,7 +33,7 @@ class Watching:
     where this session is recorded.
     """
 
-    def __init__(self, announcer: Announcer, clock: Clock, verdict: Verdict | None, recording: Path | None) -> None:
+    def __init__(self, announcer: MessageBus, clock: Clock, verdict: Verdict | None, recording: Path | None) -> None:
         self.seen = self.put_in = 0
         self._announcer, self._clock = announcer, clock
         self._verdict, self._recording = verdict, recording

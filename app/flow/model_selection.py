@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import NamedTuple, final
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ModelRequest
 from app.core.errors import DipacError, UsageError
 from app.core.messages import Model, fresh_id
@@ -24,7 +24,7 @@ class Taken(NamedTuple):
 class Modelling:
     """Models of `task` in use, and their version numbers, which only grow, whoever made them."""
 
-    def __init__(self, task: str, announcer: Announcer, planner: Worker) -> None:
+    def __init__(self, task: str, announcer: MessageBus, planner: Worker) -> None:
         self._task, self._announcer, self._planner = task, announcer, planner
         self._newest: int | None = None
 

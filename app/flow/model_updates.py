@@ -4,7 +4,7 @@ from collections import deque
 from typing import final
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ModelRequest
 from app.core.errors import DipacError
 from app.core.messages import Model, Transition
@@ -24,7 +24,7 @@ class Learning:
     `done` of the transitions that were `put_in` have been dealt with.
     """
 
-    def __init__(self, wish: EpisodeConfig, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, wish: EpisodeConfig, planner: Worker, site: Site, announcer: MessageBus, clock: Clock) -> None:
         self.models = Latest[Model]("models")
         # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
         self.calibrator = Worker("calibrator", niceness=10)

@@ -4,7 +4,7 @@ from typing import Literal, TypeAlias, final
 
 import anyio
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.control import Lease, Mode, ModeName, ModeRequest
 from app.core.messages import MessageId, fresh_id
 from app.core.ports import Clock
@@ -25,7 +25,7 @@ class Modes:
     """
 
     def __init__(
-        self, started: ModeName, motions: int, announcer: Announcer, clock: Clock, *, automatic: Automatic
+        self, started: ModeName, motions: int, announcer: MessageBus, clock: Clock, *, automatic: Automatic
     ) -> None:
         self._automatic = automatic
         self._announcer, self._clock = announcer, clock

@@ -7,7 +7,7 @@ from typing import final
 
 import anyio
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ColourRequest
 from app.core.dialogue.summary import Summary
 from app.core.errors import DeviceError, DipacError, PerceptionError, WorkerError
@@ -18,7 +18,7 @@ from app.core.system.worker import Worker
 from app.flow.arm_pose_history import Following
 from app.flow.segmentation_settings import Seeing, credible, placed, seen
 from app.perception.cloud.occlusion_memory import NOTHING
-from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct, warm_up
+from app.perception.reconstruct import PriorKnowledge, Reconstructed, Reconstruction, looked, reconstruct, warm_up
 
 _OBSERVE_DEADLINE_S = 30.0
 _PERCEPTION_S = 120.0
@@ -33,7 +33,7 @@ _KEPT = 600
 class Sensing:
     """Perception stage. `frames`: of each camera; `particles`: of all together, reconstructed as `seeing` says."""
 
-    def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: MessageBus, clock: Clock) -> None:
         self.seeing = Seeing(how)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
@@ -137,9 +137,9 @@ class Sensing:
         self._remember(found, how)
         return found
 
-    def _known(self, frames: list[Frame]) -> Known:
+    def _known(self, frames: list[Frame]) -> PriorKnowledge:
         """Prior knowledge for these frames: the arm's pose at each of them, and earlier observations."""
-        return Known(
+        return PriorKnowledge(
             arm=self._rig.shape,
             postures=tuple(self._following.at(frame.time_s) for frame in frames),
             memory=self._memory,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import EditRequest
 from app.core.errors import DipacError, PlanningError, WorkerError
 from app.core.geometry.orientation import UNKNOWN, Orientation
@@ -44,7 +44,7 @@ class Planning:
     """Maker of proposals. Requested pushes take precedence over the planner's."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Worker, site: Site, probing: Probing, announcer: Announcer, clock: Clock
+        self, wish: EpisodeConfig, planner: Worker, site: Site, probing: Probing, announcer: MessageBus, clock: Clock
     ) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site

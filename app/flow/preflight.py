@@ -7,14 +7,14 @@ from typing import Final, final
 import anyio
 
 from app.config import Limits, Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.checklist import CheckItem, Checklist, ChecklistRequest
 from app.core.dialogue.control import Lease
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, fresh_id
 from app.core.ports import Clock, Rig
 from app.flow.perception_stage import Sensing
-from app.flow.stop_latch import Holding
+from app.flow.stop_latch import StopLatch
 
 _PERIOD_S: Final = 0.5
 _SIGHT: Final = ("cameras", "calibration", "object")
@@ -35,8 +35,8 @@ class Preflight:
         rig: Rig,
         site: Site,
         sensing: Sensing,
-        holding: Holding,
-        announcer: Announcer,
+        holding: StopLatch,
+        announcer: MessageBus,
         clock: Clock,
         *,
         needed: bool,

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, final
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ProbeRequest
 from app.core.geometry.track import Track
 from app.core.messages import Particles, Transition, fresh_id
@@ -25,7 +25,7 @@ class Probing:
     """Chooses the pushes of the wish's experiment in the planner's process, and weighs causes after each batch."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Worker, site: Site, sensing: Sensing, announcer: Announcer, clock: Clock
+        self, wish: EpisodeConfig, planner: Worker, site: Site, sensing: Sensing, announcer: MessageBus, clock: Clock
     ) -> None:
         self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
         self._opening = wish.opening
@@ -100,12 +100,12 @@ class Probing:
             self._announcer.notice("experiment", "An episode ends; the object may be laid anew before the next push.")
 
     def _seen(self, transition: Transition, before: Particles, after: Particles, experiment: Experiment) -> "Push":
-        from app.discovery.dataset.study import Push, View
+        from app.discovery.dataset.study import ProjectionView, Push
 
         executed = transition.executed
 
-        def view(seen: Particles) -> View:
-            return View(time_s=seen.time_s, points=seen.positions)
+        def view(seen: Particles) -> ProjectionView:
+            return ProjectionView(time_s=seen.time_s, points=seen.positions)
 
         moving = self._sensing.between(float(executed.times_s[0]), float(executed.times_s[-1]))
         return Push(

@@ -5,7 +5,7 @@ from typing import final
 from anyio import to_thread
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.summary import Summary
 from app.core.messages import ArmState, Health, fresh_id
 from app.core.ports import Clock, Rig
@@ -23,7 +23,7 @@ _LIVELY = 5
 class Reporting:
     """Says an `ArmState` and a `Health` every period."""
 
-    def __init__(self, site: Site, rig: Rig, summary: Summary, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, site: Site, rig: Rig, summary: Summary, announcer: MessageBus, clock: Clock) -> None:
         self._site, self._rig = site, rig
         self._announcer, self._clock, self._summary = announcer, clock, summary
         self.doing = "starting"

@@ -5,7 +5,7 @@ from typing import final
 
 import anyio
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.errors import DeviceError
 from app.core.messages import Executed, ResumeRequest, StopRequest, fresh_id
 from app.core.ports import Clock, Rig
@@ -18,7 +18,7 @@ _PAUSE_S, _MOST_PAUSES = 5.0, 3
 
 
 @final
-class Holding:
+class StopLatch:
     """Stop latch. `free`: motion is permitted; `resumed_s`: time of the last resume, or of the program's begin [s].
 
     `tried`: STOP was pressed in this session, and the arm went on after it was lifted.
@@ -27,7 +27,7 @@ class Holding:
     nobody pressed, most often of a computer that is too busy, it goes on by itself. Nothing real moves in such a run.
     """
 
-    def __init__(self, rig: Rig, modes: Modes, announcer: Announcer, clock: Clock, *, unattended: bool) -> None:
+    def __init__(self, rig: Rig, modes: Modes, announcer: MessageBus, clock: Clock, *, unattended: bool) -> None:
         self._rig, self._modes = rig, modes
         self._announcer, self._clock = announcer, clock
         self._patience_s = _UNATTENDED_S if unattended else None

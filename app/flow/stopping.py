@@ -2,7 +2,7 @@
 
 from typing import Final, final
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Proposal
 from app.core.types import Points
@@ -24,7 +24,7 @@ class StoppingRule:
     that acts without a planner is not weighed.
     """
 
-    def __init__(self, wish: EpisodeConfig, announcer: Announcer) -> None:
+    def __init__(self, wish: EpisodeConfig, announcer: MessageBus) -> None:
         self._weighs = wish.task.at_rest and not wish.method.alone
         self._announcer = announcer
         self._futile = 0

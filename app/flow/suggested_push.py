@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.errors import PlanningError, WorkerError
 from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Model, Particles
@@ -30,7 +30,7 @@ class Asking:
     """
 
     def __init__(
-        self, wish: EpisodeConfig, announcer: Announcer, planner: Worker, site: Site, probing: Probing
+        self, wish: EpisodeConfig, announcer: MessageBus, planner: Worker, site: Site, probing: Probing
     ) -> None:
         self._task, self._site = wish.task.name, site
         self._announcer, self._planner = announcer, planner

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
-from app.core.geometry.arm_geometry import ArmShape, Posture
+from app.core.geometry.arm_geometry import ArmShape, JointState
 from app.core.messages import Frame
 from app.core.system.shared_libraries import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
@@ -25,7 +25,7 @@ from app.perception.cloud.hull import Hull, hull
 from app.perception.cloud.occlusion_memory import NOTHING, Memory, beside, recalled, renewed
 from app.perception.cloud.robot_mask import pieces, shadow
 from app.perception.cloud.view_diagnostics import Some, ViewDiagnostics
-from app.perception.cloud.views import ObjectView, Sieve, surface, told, view
+from app.perception.cloud.views import ObjectView, PointFilter, surface, told, view
 from app.perception.mask.segment import ByColour, Segmenter
 
 _BODY_POINTS = 6000
@@ -81,9 +81,9 @@ class Reconstruction:
     depth: bool = True
 
     @property
-    def sieve(self) -> Sieve:
+    def sieve(self) -> PointFilter:
         """Filter of the depth readings."""
-        return Sieve(
+        return PointFilter(
             box=self.box,
             low_m=self.table_m + self.table_margin_m,
             edge_step_m=self.edge_step_m,
@@ -100,7 +100,7 @@ class Reconstruction:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class PriorKnowledge:
     """Prior knowledge beside the frames: the arm, its configuration at each frame, and earlier observations.
 
     `postures`: by frame, in the same order; none where unknown. `arm`: None where none is visible. `before`: each
@@ -108,7 +108,7 @@ class Known:
     """
 
     arm: ArmShape | None = None
-    postures: tuple[Posture, ...] = ()
+    postures: tuple[JointState, ...] = ()
     before: tuple[Frame, ...] = ()
     memory: Memory = NOTHING
     way: ToolPath = field(default_factory=lambda: np.zeros((0, 8)))
@@ -144,14 +144,14 @@ def warm_up() -> None:
 
 
 def reconstruct(
-    frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None, known: Known | None = None
+    frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None, known: PriorKnowledge | None = None
 ) -> Reconstructed:
     """The object in `frames`, whose order does not matter. `tool`: pose of the hand, where it holds a bowl.
 
     `known` adds hidden parts to the visible ones. Raises PerceptionError, naming each camera's observations, where
     there is no frame or too little of the object in them.
     """
-    known = known or Known()
+    known = known or PriorKnowledge()
     views, *swimming = _views(frames, how, known)
     now_s = max((frame.time_s for frame in frames), default=0.0)
     past = recalled(known.remembered(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
@@ -175,9 +175,11 @@ def reconstruct(
     )
 
 
-def looked(frames: Sequence[Frame], how: Reconstruction, known: Known | None = None) -> tuple[ViewDiagnostics, ...]:
+def looked(
+    frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge | None = None
+) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, also where they are insufficient for `reconstruct`."""
-    return told(_views(frames, how, known or Known())[0])
+    return told(_views(frames, how, known or PriorKnowledge())[0])
 
 
 def _carved(views: Sequence[ObjectView], how: Reconstruction, kept: Memory) -> Hull:
@@ -257,7 +259,7 @@ def _enough(seen: Cloud, views: Sequence[ObjectView], how: Reconstruction) -> Cl
     return seen
 
 
-def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[list[ObjectView]]:
+def _views(frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge) -> list[list[ObjectView]]:
     """The views of the object, then those of each kind that swims in it; each in the order of the cameras' names."""
     postures = known.postures or (None,) * len(frames)
     ordered = sorted(zip(frames, postures, strict=True), key=lambda pair: (pair[0].camera.name, pair[0].time_s))
@@ -267,7 +269,7 @@ def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[l
 
 
 def _seen(
-    frame: Frame, before: Frame | None, posture: Posture | None, how: Reconstruction, arm: ArmShape | None
+    frame: Frame, before: Frame | None, posture: JointState | None, how: Reconstruction, arm: ArmShape | None
 ) -> list[ObjectView]:
     if not how.depth:
         frame = replace(frame, depth=np.zeros_like(frame.depth))

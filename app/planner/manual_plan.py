@@ -15,11 +15,11 @@ from app.core.geometry.finger_distance import nearest_m
 from app.core.messages import Origin
 from app.core.types import Path3, Points
 from app.planner.actions.actions import Pushes
-from app.planner.search.optimise import Descended
+from app.planner.search.optimise import OptimizedRollouts
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import film
-from app.planner.search.tree import Rollout, Search, Start, roll_out, simulate, situation, start_by_policy
+from app.planner.search.tree import Rollout, RootBatch, TreeConfig, roll_out, simulate, situation, start_by_policy
 from app.policy.base import AWAY
 
 _SHORTEST_M = 0.005
@@ -36,7 +36,7 @@ class GivenPush:
     `search`: of one branch; `pushes`: its action space.
     """
 
-    search: Search
+    search: TreeConfig
     pushes: Pushes
     way: Path3
 
@@ -48,12 +48,12 @@ class GivenPush:
         now = situation(self.search, request.observed, pose, request.near)
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         none = jnp.zeros((1, 0, self.search.space.size))
-        tree = Start(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], none)
+        tree = RootBatch(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], none)
         rollout = _judged(self.search, tree, jnp.asarray(request.goal))
         _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
         seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)
         origins: list[Origin] = ["edited"]
-        found = Descended(rollout, rollout.cost, rollout.cost[None], jnp.zeros(1, jnp.int32), rollout.finite)
+        found = OptimizedRollouts(rollout, rollout.cost, rollout.cost[None], jnp.zeros(1, jnp.int32), rollout.finite)
         return choose(self.search, jax.device_get(found), origins, replace(request, rejected=()), seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
@@ -100,5 +100,5 @@ def _require_unmended(wanted: Float32[np.ndarray, " A"], made: Float32[np.ndarra
 
 
 @partial(jax.jit, static_argnums=0)
-def _judged(search: Search, tree: Start, goal: Float[Array, "M 3"]) -> Rollout:
+def _judged(search: TreeConfig, tree: RootBatch, goal: Float[Array, "M 3"]) -> Rollout:
     return simulate(search, tree.phi, tree.now, goal, roll_out(search, tree))

@@ -6,11 +6,11 @@ from dataclasses import replace
 from app.planner import methods
 from app.planner.base import Planner
 from app.planner.method import Method
-from app.planner.search.optimise import Descent
-from app.planner.search.tree import Search
+from app.planner.search.optimise import OptimizerConfig
+from app.planner.search.tree import TreeConfig
 
 
-def made(method: Method, search: Search, descent: Descent, gradient_steps: int) -> Planner:
+def made(method: Method, search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """The planner for a task's search, as sized by its preset, with the method's ablations.
 
     Where nothing is chosen and nothing optimised, only the action that is executed is simulated.

@@ -20,7 +20,7 @@ AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
 
 
 @final
-class Now(NamedTuple):
+class PlanningState(NamedTuple):
     """State of B candidates when they choose an action; a JAX pytree. `tool`: pose and opening of each one's tool."""
 
     state: ObjectState
@@ -39,7 +39,7 @@ class Now(NamedTuple):
 
 
 @final
-class Acted(NamedTuple):
+class ActionDistribution(NamedTuple):
     """Distribution over the next action of B candidates, A numbers each; an action may be a chunk of small moves.
 
     `spread`: standard deviation about `mean` of each number; 0 if the policy knows no alternative. `later`: the L
@@ -63,15 +63,15 @@ class Policy(Protocol):
         """Quantities computed once per observation, in NumPy: orderings, matches, embeddings."""
         ...
 
-    def act(self, prepared: Prepared, now: Now) -> Acted:
+    def act(self, prepared: Prepared, now: PlanningState) -> ActionDistribution:
         """One action for each candidate; a pure JAX function, called on simulated states as on seen ones."""
         ...
 
 
 @runtime_checkable
-class Remembering(Protocol):
+class StatefulPolicy(Protocol):
     """A stateful policy: conditions on the actions that it intended at earlier decisions, if it is given them."""
 
-    def first(self, prepared: Prepared, now: Now) -> Acted:
+    def first(self, prepared: Prepared, now: PlanningState) -> ActionDistribution:
         """Action distribution for an observation, with the memory of earlier decisions; rollouts use `act`."""
         ...

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.geometry.finger_distance import extent_m, from_core
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
@@ -63,7 +63,7 @@ class ScriptedPush:
         line = _line(np.asarray(goal, np.float32).tobytes(), self.nodes)
         return Matched(weights, np.stack([line, line[::-1]]))
 
-    def act(self, prepared: Matched, now: Now) -> Acted:
+    def act(self, prepared: Matched, now: PlanningState) -> ActionDistribution:
         """The push that helps most, for each candidate."""
         x = now.x
         nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2], precision=Precision.HIGHEST)
@@ -79,7 +79,7 @@ class ScriptedPush:
         start, direction = (jnp.take_along_axis(a, best[..., None], axis=1)[:, 0] for a in (start, direction))
         length = jnp.clip(advance + self.start_gap_m - self.contact_gap_m, 0.0, self.max_length_m)
         steps = jnp.tile(length * direction / self.displacements, (1, self.displacements))
-        return Acted.surely(jnp.concatenate([start, steps], axis=1))
+        return ActionDistribution.surely(jnp.concatenate([start, steps], axis=1))
 
     def _directions(self, nodes: Float[Array, "B M 2"], error: Float[Array, "B M 2"]) -> Float[Array, "B M 2"]:
         """Unit vectors along the errors, turned towards the normal of the rope where they lean too far."""

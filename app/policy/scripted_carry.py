@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 
 _NEAR_MIDDLE_M = 0.02
 """Particles this near to the line through the cloth's middle tell where its edge is there."""
@@ -58,10 +58,10 @@ class ScriptedCarry:
         del observed
         return Heading(jnp.asarray(goal[:, 0].mean()))
 
-    def act(self, prepared: Heading, now: Now) -> Acted:
+    def act(self, prepared: Heading, now: PlanningState) -> ActionDistribution:
         """The next moves of each candidate."""
         ways = jax.vmap(self._way, in_axes=(None, 0, 0))(prepared.x_m, now.x, now.tool)
-        return Acted.surely(jax.vmap(self._walked)(ways))
+        return ActionDistribution.surely(jax.vmap(self._walked)(ways))
 
     def _way(self, x_m: Float[Array, ""], x: Float[Array, "N 3"], tool: Float[Array, " 8"]) -> Float[Array, "W 4"]:
         """Waypoints still ahead of the tool: x, y, z and opening."""

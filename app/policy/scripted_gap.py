@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 
 _END = 0.85
 """Contact point of a push at an end, as a share of the half length: nearer to the tip the finger slips off."""
@@ -59,7 +59,7 @@ class ScriptedGap:
     def prepare(self, observed: Points, goal: Points) -> None:
         """Prepare nothing: the place of the gap is all that is needed."""
 
-    def act(self, prepared: None, now: Now) -> Acted:
+    def act(self, prepared: None, now: PlanningState) -> ActionDistribution:
         """One push for each candidate."""
         del prepared
         rod = fitted(now.x[..., :2])
@@ -69,7 +69,7 @@ class ScriptedGap:
         length = _length(way)[:, None]
         way = way * jnp.minimum(1.0, self.max_length_m / length)
         steps = jnp.tile(way / self.displacements, (1, self.displacements))
-        return Acted.surely(jnp.concatenate([start, steps], axis=1))
+        return ActionDistribution.surely(jnp.concatenate([start, steps], axis=1))
 
     def _aligned(self, rod: StraightRods) -> Bool[Array, " B"]:
         """True if the rod points through the gap, or is half through."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 
 
 class Aimed(NamedTuple):
@@ -42,7 +42,7 @@ class ScriptedPour:
         del observed
         return Aimed(goal[:, :2].mean(axis=0).astype(np.float32))
 
-    def act(self, prepared: Aimed, now: Now) -> Acted:
+    def act(self, prepared: Aimed, now: PlanningState) -> ActionDistribution:
         """The next shift and turn, for each candidate."""
         along = jnp.asarray(self.toward)
         aim = jnp.asarray(prepared.middle) - self.short_m * along
@@ -56,7 +56,7 @@ class ScriptedPour:
         length = jnp.sqrt((shift**2).sum(-1, keepdims=True) + 1e-16)
         shift = shift * jnp.minimum(1.0, self.max_shift_m / length)
         turn = (wanted - tilted)[:, None] * jnp.array([-self.toward[1], self.toward[0], 0.0])
-        return Acted.surely(jnp.concatenate([shift, turn], axis=1))
+        return ActionDistribution.surely(jnp.concatenate([shift, turn], axis=1))
 
     def _tilt(self, turn: Float[Array, "B 4"]) -> Float[Array, " B"]:
         """Tilt of the bowl's axis in the pouring direction [rad]; rotations are those of a tool that points down."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 
 _TINY_M = 1e-6
 
@@ -55,7 +55,7 @@ class ScriptedSweep:
         middle = goal[:, :2].mean(axis=0)
         return SweepTarget(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
 
-    def act(self, prepared: SweepTarget, now: Now) -> Acted:
+    def act(self, prepared: SweepTarget, now: PlanningState) -> ActionDistribution:
         """The stroke that gains most, for each candidate."""
         angle = jnp.asarray(np.linspace(0, 2 * np.pi, self.angles, endpoint=False), jnp.float32)
         ahead = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
@@ -72,7 +72,7 @@ class ScriptedSweep:
         end = self.stop * radius + self.half_m[1]
         begin = self._starts(radius)[start] + self.half_m[1] + self.gap_m
         ends = [prepared.middle - each * ahead for each in (begin[:, None], end)]
-        return Acted.surely(jnp.concatenate(ends, axis=1))
+        return ActionDistribution.surely(jnp.concatenate(ends, axis=1))
 
     def _starts(self, radius: Float[Array, ""]) -> Float[Array, " S"]:
         """Distances before the middle at which the paddle's face may start [m]: from the goal's rim outwards."""

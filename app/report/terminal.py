@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from app.discovery.results.case import Blame, Case
+from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.size import size
 from app.report.drawing.words import best, interval, percent, title
 from app.report.sections.advice import advice
@@ -71,7 +71,7 @@ def _causes(case: Case) -> Table:
     return table
 
 
-def _row(blame: Blame) -> tuple[Text, Text, Text, Text]:
+def _row(blame: CauseResult) -> tuple[Text, Text, Text, Text]:
     whole = size(blame)
     numbers = (whole.value, whole.low, whole.high, whole.unit)
     return (

@@ -5,7 +5,7 @@ import math
 import msgspec
 
 from app.core.geometry.track import Track
-from app.discovery.results.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
+from app.discovery.results.case import Case, CauseResult, Estimate, Formula, Gain, NextPush, Power
 from app.report import schema
 from app.report.drawing.size import size
 from app.report.sections.advice import advice
@@ -46,7 +46,7 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _cause(blame: Blame) -> schema.CauseEntry:
+def _cause(blame: CauseResult) -> schema.CauseEntry:
     whole = size(blame)
     return schema.CauseEntry(
         effect=blame.effect,

@@ -16,7 +16,7 @@ from app.core.messages import Episode, Executed, Message, MessageId, Particles, 
 from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Subject
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.perception.body.resample_to_count import recounted
 from app.recording.library.recording_index import counted_once
 from app.recording.read.reader import read_cameras, read_messages
@@ -169,10 +169,10 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
     executed, count = transition.executed, subject.particle_count
     before, after = transition.before, transition.after
 
-    def view(time_s: float, points: Points) -> View:
+    def view(time_s: float, points: Points) -> ProjectionView:
         sighting = episode.sightings.get(time_s)
         finger = sighting.tool if sighting is not None and len(sighting.tool) else None
-        return View(time_s=time_s, points=_counted(points, count, episode.path), finger=finger)
+        return ProjectionView(time_s=time_s, points=_counted(points, count, episode.path), finger=finger)
 
     return Push(
         episode=number,
@@ -209,7 +209,7 @@ def _counted(points: Points, count: int, path: Path) -> Points:
 def _later(push: Push, by_s: float) -> Push:
     """The same push by a clock that is set back by so much."""
 
-    def view(at: View) -> View:
+    def view(at: ProjectionView) -> ProjectionView:
         return replace(at, time_s=at.time_s + by_s)
 
     def track(at: Track) -> Track:

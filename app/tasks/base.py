@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions.actions import ActionSpace
     from app.planner.search.cost import Weights
-    from app.planner.search.optimise import Descent
+    from app.planner.search.optimise import OptimizerConfig
     from app.planner.search.plan import Plan
     from app.planner.search.tree import Begin
     from app.policy.base import Policy
@@ -158,7 +158,7 @@ class Task:
     policy: Policy
     symmetry: Symmetry
     weights: Weights
-    descent: Descent
+    descent: OptimizerConfig
     problems: ProblemSampler
     nominal: Mapping[str, float]
     calibrated: tuple[str, ...]

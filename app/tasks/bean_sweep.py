@@ -8,7 +8,7 @@ from app.core.geometry.scene_description import Beans, Mat, Paddle, Stage
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.sweep_actions import Sweeps
 from app.planner.search.cost import Weights
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.policy.scripted_sweep import ScriptedSweep
 from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
@@ -68,7 +68,7 @@ TASK = Task(
     policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
     symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, along="object"),
     weights=Weights(progress=1.0, contact=0.0002),
-    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),
     nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),

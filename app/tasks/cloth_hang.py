@@ -9,7 +9,7 @@ from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.carry_actions import Carries, KeptClear
 from app.planner.search.cost import Weights
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
@@ -102,7 +102,7 @@ TASK = Task(
     # Along the rods, which a cloth hangs over on both sides.
     side=OrthographicView(low=(0.22, -0.38, 0.0), high=(0.88, 0.38, 0.40), pixel_m=0.008, axes=(1, 2, 0)),
     weights=Weights(progress=1.0, contact=0.0005, discount=0.9, level=False),
-    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15),
     nominal=MappingProxyType({"stiffness": 8.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "finger_friction"),

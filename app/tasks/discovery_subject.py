@@ -13,7 +13,7 @@ from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, cat
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.displacement_field import AFTER
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import residuals
 from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
 from app.sim.model.catalogue import discover
@@ -105,7 +105,7 @@ def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
     return replace(subject, nominal=nominal)
 
 
-def _error_m(predictor: Predictor, trials: Trials, about: Theta) -> float:
+def _error_m(predictor: Predictor, trials: SimulationBatch, about: Theta) -> float:
     """A model's median residual after a push; infinite of those that cannot be simulated."""
     found = residuals(predictor, trials, about, (), replicas=0)
     simulated = found.known[:, AFTER].any(1)

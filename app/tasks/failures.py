@@ -13,7 +13,7 @@ from app.core.errors import UsageError
 from app.core.messages import Transition
 from app.planner.search.failure import failed_action
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 from app.sim.diagnosis.dump import Dump, leave_dump
 from app.sim.diagnosis.failure_diagnosis import MpmCase, single
 from app.sim.diagnosis.object_state import ObjectState
@@ -34,7 +34,7 @@ FOLDER = "failed"
 """Folder of dumps, in that of the recordings."""
 
 
-def of_plan(task: str, search: Search, request: PlanRequest) -> str:
+def of_plan(task: str, search: TreeConfig, request: PlanRequest) -> str:
     """A sentence about the first branch that became non-finite, with the dump it left; empty where none did."""
     failed = failed_action(search, request)
     if failed is None:

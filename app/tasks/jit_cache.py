@@ -24,7 +24,7 @@ from app.core.motion import TOOL_DOWN
 from app.planner.base import Planner
 from app.planner.method import DIPAC, Method
 from app.planner.planner_factory import made
-from app.planner.search.tree import Advance, Part, Search
+from app.planner.search.tree import Advance, Part, TreeConfig
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.effect_composition import require_known
 from app.sim.effects.base import Effect
@@ -196,15 +196,15 @@ def _planner(task: str, preset: str, needed: Needs, method: Method, confines: Co
     return made(method, search, data.descent, data.preset(preset).gradient_steps)
 
 
-def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> Search:
+def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> TreeConfig:
     """Tree search of the task's decisions, sized by the preset, for models that need the effects of `phi`."""
     return _search(task, preset, needs(task, phi), confines)
 
 
 @lru_cache
-def _search(task: str, preset: str, needed: Needs, confines: Confines) -> Search:
+def _search(task: str, preset: str, needed: Needs, confines: Confines) -> TreeConfig:
     data, size = load(task), load(task).preset(preset)
-    return Search(
+    return TreeConfig(
         space=data.actions,
         policy=data.policy,
         weights=replace(data.weights, keep_out=confines.keep_out, reach=confines.reach),

@@ -13,7 +13,7 @@ from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.pour_actions import Pours
 from app.planner.search.cost import Weights
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
@@ -65,7 +65,7 @@ TASK = Task(
     # Across the way that is poured: the levels in both bowls, and the jet.
     side=OrthographicView(low=(0.24, -0.19, 0.0), high=(0.74, 0.19, 0.38), pixel_m=0.008, axes=(0, 2, 1)),
     weights=Weights(progress=1.0, contact=0.0, discount=0.9),
-    descent=Descent(learning_rate=0.5, clip=1.0, shrink=0.5),
+    descent=OptimizerConfig(learning_rate=0.5, clip=1.0, shrink=0.5),
     problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=HOME_M),
     nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.4}),
     # The bulk modulus, and friction on the bowls: the catalogue scales that of every tool as the finger's.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from app.core.motion import Motion
     from app.core.types import Points
     from app.discovery.dataset.model_under_test import Subject
-    from app.discovery.dataset.study import Push, Study, View
+    from app.discovery.dataset.study import ProjectionView, Push, Study
     from app.discovery.experiments.probe import Belief
     from app.discovery.experiments.probe_pushes import Probe, PushSituation
     from app.policy.random_pushes import PushDesign
@@ -67,7 +67,7 @@ def belief(task: str, study: Study | None = None) -> Belief:
 def next_probe(
     task: str,
     held: Belief,
-    seen: View,
+    seen: ProjectionView,
     episode: int,
     made: Sequence[Push],
     plan: PushDesign,
@@ -134,7 +134,7 @@ def chosen_motion(
 
     Raises PlanningError where none may be made.
     """
-    from app.discovery.dataset.study import View
+    from app.discovery.dataset.study import ProjectionView
     from app.policy.random_pushes import PushDesign
     from app.tasks import load
 
@@ -147,7 +147,7 @@ def chosen_motion(
         measured=all(push.measured is not None for push in pushes),
         during=all(push.during for push in pushes),
     )
-    seen = View(time_s=time_s, points=recounted(observed, count))
+    seen = ProjectionView(time_s=time_s, points=recounted(observed, count))
     probe = next_probe(task, known, seen, episode, pushes, plan, seed, site)
     then = replace(held, belief=pickle.dumps(known.expecting(probe.information)))
     return Chosen(motion=probe_motion(data, probe.track, site), text=probe.text, then=then)
@@ -156,13 +156,15 @@ def chosen_motion(
 def _counted(push: Push, count: int) -> Push:
     """The same with as many points in each view as discovery simulates."""
 
-    def view(seen: View) -> View:
+    def view(seen: ProjectionView) -> ProjectionView:
         return replace(seen, points=recounted(seen.points, count)) if len(seen.points) != count else seen
 
     return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
 
 
-def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: PushDesign, site: Site) -> PushSituation:
+def scene(
+    task: Task, seen: ProjectionView, episode: int, made: Sequence[Push], plan: PushDesign, site: Site
+) -> PushSituation:
     """Inputs of the choice of a push."""
     from app.discovery.experiments.probe_pushes import PushSituation
 

@@ -10,7 +10,7 @@ from app.perception.reconstruct import Reconstruction
 from app.planner.actions.actions import Pushes
 from app.planner.actions.gap_cost import Passage
 from app.planner.search.cost import Weights
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.policy.scripted_gap import ScriptedGap
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import RopeMaterial
@@ -97,7 +97,7 @@ TASK = Task(
         discount=0.7,
         distance=Passage(x_m=WALL.x_m, low_m=-WALL.gap_m / 2 + TOUCH_M, high_m=WALL.gap_m / 2 - TOUCH_M),
     ),
-    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Passing(rope=ROPE, wall=WALL, start_m=START_M),
     lesson=Lesson(
         stage=Stage(body=ROD, tool=FINGER, fixtures=WALL.blocks),

@@ -9,7 +9,7 @@ from app.core.geometry.scene_description import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.actions import Pushes
 from app.planner.search.cost import Weights
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.policy.scripted import ScriptedPush
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import RopeMaterial
@@ -91,7 +91,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
         ),
         symmetry=_symmetry(finger),
         weights=Weights(progress=1.0, contact=0.002, discount=0.7),
-        descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+        descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
         problems=RopeProblems(rope=rope),
         nominal=MappingProxyType({"stiffness": 6.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
         calibrated=("stiffness", "table_friction"),

@@ -6,9 +6,9 @@ import numpy as np
 import viser
 
 from app.config import Workspace
-from app.ui.jog_socket import Hand
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
+from app.ui.jog_socket import JogHandler
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.server.message_validation import AIM
 
 _SCALE_M: Final = 0.09
@@ -21,7 +21,9 @@ class TargetHandle:
     Painted by the painter's thread; dragged by viser's.
     """
 
-    def __init__(self, server: viser.ViserServer, workspace: Workspace, desk: Desk, hand: Hand) -> None:
+    def __init__(
+        self, server: viser.ViserServer, workspace: Workspace, desk: OperatorController, hand: JogHandler
+    ) -> None:
         self._workspace, self._desk, self._hand = workspace, desk, hand
         self._at = (np.array(workspace.low) + np.array(workspace.high)) / 2
         low, high = workspace.low, workspace.high
@@ -35,7 +37,7 @@ class TargetHandle:
         )
         self._handle.on_update(self._dragged)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Show or hide it; put it back where an operator dragged it without permission."""
         shown = board.teleoperated
         if shown and not self._handle.visible and board.arm is not None:

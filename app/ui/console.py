@@ -19,21 +19,21 @@ from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Message
 from app.core.system.channel import Lossless
 from app.ui.aim import TargetHandle
-from app.ui.goals.goal_upload import Inbox
-from app.ui.jog_socket import Hand, HandLine
+from app.ui.goals.goal_upload import GoalUpload
+from app.ui.jog_socket import JogHandler, JogSocket
 from app.ui.panel import Panel
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
-from app.ui.parts.session_keys import Badges
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
+from app.ui.parts.session_keys import SessionKeys
 from app.ui.playback import Playback
 from app.ui.player import Player
 from app.ui.server import proxy
 from app.ui.server.access import LOOPBACK, Access
 from app.ui.server.page import Cell, Page
 from app.ui.server.tls import Tls
-from app.ui.server.viser_host import Backstage
-from app.ui.view.render_loop import Painter
+from app.ui.server.viser_host import ViserHost
+from app.ui.view.render_loop import RenderLoop
 from app.ui.view.scene import ConsoleScene
 
 _REQUESTS_BOUND = 1000
@@ -43,7 +43,7 @@ _REQUESTS_BOUND = 1000
 class Console:
     """An `Operator` that is a person at a browser."""
 
-    def __init__(self, *, url: str, desk: Desk, requests: Lossless[Request]) -> None:
+    def __init__(self, *, url: str, desk: OperatorController, requests: Lossless[Request]) -> None:
         self.url = url
         """Address to open; holds the token, so it is for the operator's eyes."""
         self._desk = desk
@@ -74,7 +74,7 @@ async def open_console(
     limits: Limits | None = None,
     table: TablePlace = AT_BASE,
     tls: Tls | None = None,
-    hand: Hand | None = None,
+    hand: JogHandler | None = None,
     timing: Timing | None = None,
     player: Player | None = None,
 ) -> AsyncGenerator[Console]:
@@ -98,7 +98,7 @@ async def open_console(
             f"Port {port} on {host} cannot be had ({error.strerror}); choose another with --port."
         ) from None
     requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
-    desk = Desk(
+    desk = OperatorController(
         stop=stop,
         post=partial(_post, asyncio.get_running_loop(), requests),
         now=player.now if player else time.monotonic,
@@ -106,9 +106,9 @@ async def open_console(
     )
     with listening:
         page = Page(title=title, cell=cell, jogging=hand is not None)
-        badges = Badges()
-        line = HandLine(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
-        inbox = Inbox(desk, badges, desk.turned_away)
+        badges = SessionKeys()
+        line = JogSocket(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
+        inbox = GoalUpload(desk, badges, desk.turned_away)
         where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table}
         furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)
         ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
@@ -125,9 +125,9 @@ def _post(loop: asyncio.AbstractEventLoop, requests: Lossless[Request], request:
 @asynccontextmanager
 async def _serving(
     listening: socket.socket,
-    desk: Desk,
+    desk: OperatorController,
     page: Page,
-    furnish: Callable[[Backstage], Painter],
+    furnish: Callable[[ViserHost], RenderLoop],
     ways: Mapping[str, proxy.Handler],
     tls: Tls | None,
 ) -> AsyncGenerator[str]:
@@ -137,7 +137,7 @@ async def _serving(
     names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
-    backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
+    backstage = await to_thread.run_sync(lambda: ViserHost(label=page.title, passphrase=passphrase))
     try:
         painter = await to_thread.run_sync(furnish, backstage)
         front = proxy.Proxy(
@@ -165,17 +165,17 @@ async def _serving(
 
 
 def _set_scene(
-    backstage: Backstage,
+    backstage: ViserHost,
     *,
-    desk: Desk,
-    badges: Badges,
-    line: HandLine | None,
-    hand: Hand | None,
+    desk: OperatorController,
+    badges: SessionKeys,
+    line: JogSocket | None,
+    hand: JogHandler | None,
     player: Player | None,
     limits: Limits,
     timing: Timing,
     table: TablePlace,
-) -> Painter:
+) -> RenderLoop:
     """Build scene and panels on the server; returns their painter."""
     _greet(backstage.server, desk, badges, line)
     scene = ConsoleScene(backstage.server, limits, table)
@@ -183,7 +183,7 @@ def _set_scene(
     aim = TargetHandle(backstage.server, limits.workspace, desk, hand) if hand else None
     playback = Playback(backstage.server, player) if player else None
 
-    def paint(board: Board, now_s: float) -> None:
+    def paint(board: ConsoleState, now_s: float) -> None:
         with backstage.server.atomic():
             scene.paint(board, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
             panel.paint(board, now_s)
@@ -192,10 +192,10 @@ def _set_scene(
             if playback is not None:
                 playback.paint()
 
-    return Painter(desk, paint)
+    return RenderLoop(desk, paint)
 
 
-def _greet(server: viser.ViserServer, desk: Desk, badges: Badges, line: HandLine | None) -> None:
+def _greet(server: viser.ViserServer, desk: OperatorController, badges: SessionKeys, line: JogSocket | None) -> None:
     """Tell each browser its name for control and records, and the desk when it leaves."""
 
     def came(client: viser.ClientHandle) -> None:
@@ -213,6 +213,6 @@ def _greet(server: viser.ViserServer, desk: Desk, badges: Badges, line: HandLine
     server.on_client_disconnect(left)
 
 
-async def _over_there(coroutine: Coroutine[None, None, None], backstage: Backstage) -> None:
+async def _over_there(coroutine: Coroutine[None, None, None], backstage: ViserHost) -> None:
     """Run a coroutine on viser's loop and wait for its end."""
     await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(coroutine, backstage.server.get_event_loop()))

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from app.core.types import ToolPose
 from app.ui.parts.rate_limiter import RateLimiter
-from app.ui.parts.session_keys import Badges
+from app.ui.parts.session_keys import SessionKeys
 
 _MOST_BYTES: Final = 1024
 _STEADY_HZ, _BURST = 60.0, 120.0
@@ -29,7 +29,7 @@ _REFUSED: Final = 1008
 """WebSocket: policy violation."""
 
 
-class Hand(Protocol):
+class JogHandler(Protocol):
     """Executor of the operators' held controls. Called by viser's threads; nothing of it may block."""
 
     def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
@@ -50,7 +50,7 @@ class Hand(Protocol):
 
 
 @final
-class HandLine:
+class JogSocket:
     """Serves `/jog`: a browser's key first, then samples; each is answered by its effect and the tool's position.
 
     `hindrance` returns the reason why an operator may not jog now, or None; `refused` receives the reasons of refused
@@ -58,7 +58,12 @@ class HandLine:
     """
 
     def __init__(
-        self, hand: Hand, badges: Badges, *, hindrance: Callable[[str], str | None], refused: Callable[[str], None]
+        self,
+        hand: JogHandler,
+        badges: SessionKeys,
+        *,
+        hindrance: Callable[[str], str | None],
+        refused: Callable[[str], None],
     ) -> None:
         self._hand, self._badges = hand, badges
         self._hindrance, self._refused = hindrance, refused

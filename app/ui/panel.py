@@ -9,10 +9,10 @@ from viser import theme
 from app.config import Timing
 from app.ui.goals import GoalTab
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import DecisionForm
 from app.ui.parts.drift import DriftMeter
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.parts.plots import Plots
 from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
@@ -35,10 +35,12 @@ _MAIN_WIDTH_PX = 400
 class Panel:
     """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene, timing: Timing) -> None:
+    def __init__(
+        self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene, timing: Timing
+    ) -> None:
         self._server, self._gui = server, server.gui
         self._desk, self._scene = desk, scene
-        self._last = Board()
+        self._last = ConsoleState()
         self._drift = DriftMeter(timing)
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         commands = not desk.board.replay
@@ -61,7 +63,7 @@ class Panel:
         self._place_main()
         self._build_side(commands=commands)
 
-    def paint(self, board: Board, now_s: float) -> None:
+    def paint(self, board: ConsoleState, now_s: float) -> None:
         """Update the panels to the board and the clock."""
         self._mode.put(cards.mode(board, now_s))
         if self._checklist is not None:

@@ -11,7 +11,7 @@ from rich.console import Console
 from app.config import Limits, Site
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.control import taken
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from bench.faults.__main__ import table
 from bench.faults.application import FAULTS, Doing
@@ -61,12 +61,12 @@ def wire(fake: FakeProcess) -> Others:
     """Faults between the arm's process and the arm, and in the arm."""
     return {
         "cut": fake.cut,
-        "deaf": partial(fake.set, Adversity(deaf=True)),
-        "feedback lost": partial(fake.set, Adversity(lose_feedback=1_000_000)),
+        "deaf": partial(fake.set, FaultInjection(deaf=True)),
+        "feedback lost": partial(fake.set, FaultInjection(lose_feedback=1_000_000)),
         "another commands": partial(fake.take_over, SITE.limits.speed_m_s),
         "joint fault": partial(fake.fail, joint=2, bits=_FAULT_BIT),
         "base fault": partial(fake.fail, base=_FAULT_BIT),
-        "pushed hard": partial(fake.set, Adversity(force_n=500.0)),
+        "pushed hard": partial(fake.set, FaultInjection(force_n=500.0)),
     }
 
 
@@ -78,12 +78,12 @@ def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
         with subject(doing, SITE, take, others, Wire(fake, SITE.limits)) as one:
             for fault in (*(() if alone else faults(doing)), *others):
                 found.append(one.suffer(fault))
-                fake.set(Adversity())
+                fake.set(FaultInjection())
                 fake.fail()
         return found
 
 
-def disturbed(doing: Doing, seconds: float, adversity: Adversity) -> list[str]:
+def disturbed(doing: Doing, seconds: float, adversity: FaultInjection) -> list[str]:
     """Reasons for stops of the arm under a disturbance that should cause none."""
     with FakeProcess() as fake:
         take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str]) -> None:
     number = next((int(each) for each in arguments if each.isdigit()), None)
     if "loss" in arguments:
         for doing in FAULTS:
-            stops = disturbed(doing, number or _LOSSY_S, Adversity(loss=_LOSS))
+            stops = disturbed(doing, number or _LOSSY_S, FaultInjection(loss=_LOSS))
             Console().print(f"{doing}: {len(stops)} stops in {number or _LOSSY_S:.0f} s, 1 % of all lost. {stops}")
         return
     rounds: list[Doing] = [doing for doing in FAULTS for _ in range(number or _TIMES)]

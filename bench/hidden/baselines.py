@@ -27,9 +27,9 @@ from threadpoolctl import threadpool_limits
 from app.commands._named import Dynamics, full_name
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.decide import NAMED
-from app.discovery.inference.screen import Screening, Suspect, refit, screen
+from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
-from app.discovery.results.case import Blame
+from app.discovery.results.case import CauseResult
 from app.discovery.results.verdict import estimate_of
 from app.report.drawing.size import size
 from app.services.study import read_study
@@ -64,7 +64,7 @@ class Linear:
     c: float
     n: int
     nuisance: tuple[int, ...]
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[CandidateCause, ...]
 
     @classmethod
     def of(cls, screening: Screening) -> "Linear":
@@ -97,7 +97,7 @@ class Linear:
 class Fitted:
     """A cause as a method has it: values and deviations of its columns, in steps."""
 
-    suspect: Suspect
+    suspect: CandidateCause
     values: Float64[np.ndarray, " Q"]
     deviations: Float64[np.ndarray, " Q"]
     probability: float
@@ -207,7 +207,7 @@ def _entry(predictor: Predictor, screening: Screening, fit: Fitted) -> dict[str,
         for step, value, deviation in columns
     )
     whole = size(
-        Blame(
+        CauseResult(
             effect=cause.name,
             family=cause.family,
             about=cause.about,

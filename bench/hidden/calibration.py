@@ -31,9 +31,9 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, features
 from app.discovery.inference.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
 from app.discovery.inference.refine import RefinedModel
-from app.discovery.inference.screen import Screening, Suspect, refit, screen
+from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
 from app.policy.random_pushes import PushDesign
@@ -120,7 +120,9 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
     }
 
 
-def _refit_of(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> dict[str, Any]:
+def _refit_of(
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, suspect: CandidateCause
+) -> dict[str, Any]:
     """Evidence of a refitted cause over nothing [nats], gains of left-out episodes, and the same of a further cause."""
     model = refitted(predictor, trials, screening, suspect)
     found = {
@@ -136,7 +138,9 @@ def _refit_of(predictor: Predictor, trials: Trials, screening: Screening, suspec
     return {**found, "further": _further_of(predictor, trials, screening, model)}
 
 
-def _further_of(predictor: Predictor, trials: Trials, screening: Screening, model: RefinedModel) -> dict[str, Any]:
+def _further_of(
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel
+) -> dict[str, Any]:
     """The likeliest further cause beside one, its evidence over that one [nats], and what left-out episodes gain."""
     suspects = further(model)[:1]
     if not suspects:

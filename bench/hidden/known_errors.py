@@ -18,7 +18,7 @@ from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.discovery import sensor_actuator_errors as apparatus
 from app.discovery.dataset.labels import labelled
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, See, Values
 
 Undo: TypeAlias = Callable[[Track, Values], Track]
@@ -54,7 +54,7 @@ def _seen(study: Study, see: See, values: Values) -> Study:
     def shown(points: np.ndarray, middle: np.ndarray | None = None) -> np.ndarray:
         return see(points.astype(np.float64), Eye(position, middle), values).astype(np.float32)
 
-    def view(at: View) -> View:
+    def view(at: ProjectionView) -> ProjectionView:
         middle = labelled([at.points])[1][0].astype(np.float64)
         finger = None if at.finger is None else shown(at.finger)
         return replace(at, points=shown(at.points, middle), finger=finger)
@@ -69,7 +69,7 @@ def _seen(study: Study, see: See, values: Values) -> Study:
 def _stamped(study: Study, late_s: float) -> Study:
     """The study with images that are younger than their stamps."""
 
-    def view(at: View) -> View:
+    def view(at: ProjectionView) -> ProjectionView:
         return replace(at, time_s=at.time_s - late_s)
 
     pushes = tuple(

@@ -12,7 +12,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, place
+from app.sim.effects.base import Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
@@ -23,7 +23,7 @@ _REST = wp.constant(0.025)
 
 
 @wp.func
-def dragged_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def dragged_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of a = -q |v| v, integrated exactly."""
     nearness = wp.clamp(1.0 - node.x[2] / _REACH, 0.0, 1.0)
     speed = wp.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -31,7 +31,7 @@ def dragged_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
 
 
 @wp.func
-def drifting_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def drifting_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of a pull to the left of the motion, a share of weight."""
     speed = wp.sqrt(v[0] * v[0] + v[1] * v[1] + _REST * _REST)
     pull = phi[at] * node.gravity * node.dt / speed
@@ -39,7 +39,7 @@ def drifting_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
 
 
 @wp.func
-def swirled_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def swirled_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of a pull round a point; in shares of weight a metre."""
     pull = phi[at] * node.gravity * node.dt
     return v + wp.vec3(pull * (phi[at + 2] - node.x[1]), pull * (node.x[0] - phi[at + 1]), 0.0)

@@ -20,7 +20,7 @@ from scipy.spatial import KDTree
 from app.core.task_name import recorded
 from app.core.types import Cloud
 from app.discovery.dataset.model_under_test import ROD_NUMERICS, RodModel, Subject, catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
 from app.discovery.sensor_actuator_errors.base import Eye
@@ -139,9 +139,9 @@ class OwnRope:
         finger = self._shown(predictor, seen_tip(move.true.at(np.array([move.shown_s]))[0], rng), None)
         return Push(
             episode=episode,
-            before=View(time_s=float(move.command.times_s[0]), points=before),
-            during=(View(time_s=move.view_s, points=during, finger=finger),),
-            after=View(time_s=move.end_s, points=after),
+            before=ProjectionView(time_s=float(move.command.times_s[0]), points=before),
+            during=(ProjectionView(time_s=move.view_s, points=during, finger=finger),),
+            after=ProjectionView(time_s=move.end_s, points=after),
             command=move.command,
             measured=move.measured(rng),
         )

@@ -27,12 +27,12 @@ from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.model_under_test import Theta, catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 from app.policy.base import AWAY
 from app.recording.exchange.model_file import load_model
 from app.sim.model.params import acting
@@ -78,9 +78,9 @@ class Bench:
         for _ in range(2):  # What a tool that gives way feels depends on where the object goes.
             push = Push(
                 episode=0,
-                before=View(time_s=0.0, points=shown),
+                before=ProjectionView(time_s=0.0, points=shown),
                 during=(),
-                after=View(time_s=track.end_s, points=end),
+                after=ProjectionView(time_s=track.end_s, points=end),
                 command=track,
                 measured=None,
             )
@@ -94,7 +94,7 @@ class Bench:
 def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:
     """One push by this model, of a smaller search than the task's presets, one push deep."""
     task, phi = load(_TASK), compiled.phi_of(model)
-    search = Search(
+    search = TreeConfig(
         space=task.actions,
         policy=task.policy,
         weights=task.weights,

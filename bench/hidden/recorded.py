@@ -13,7 +13,7 @@ from app import __version__
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 
@@ -92,7 +92,7 @@ def _pushed(push: Push, number: int, table: Cloud) -> Iterator[Message]:
     )
 
 
-def _particles(view: View, name: str) -> Particles:
+def _particles(view: ProjectionView, name: str) -> Particles:
     return Particles(
         id=MessageId(f"particles-{name}"),
         time_s=_START_S + view.time_s,

@@ -15,12 +15,12 @@ from jaxtyping import Float64
 from app.core.geometry.scene_description import RopeModel
 from app.core.task_name import recorded
 from app.core.types import Cloud, Points
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.perception.body.resample import resample
 from app.policy.random_pushes import REGION, PushDesign
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistuned
-from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
@@ -86,7 +86,7 @@ class RopeCase:
         return replace(made, rope=rope)
 
     @property
-    def injected(self) -> tuple[Injected, ...]:
+    def injected(self) -> tuple[InjectedEffect, ...]:
         """The effects, with directions, places and signs of their own."""
         return draw([InjectionRequest(each.effect, real_size(each)) for each in self.hidden], self.seed)
 
@@ -108,12 +108,12 @@ def _pushes(task: Task, takes: Iterable[PushSample], rng: np.random.Generator, s
         yield push_of(task, view_of(task, take.before, rng, scale), take, rng, scale)
 
 
-def view_of(task: Task, look: StampedSnapshot, rng: np.random.Generator, scale: float = 1.0) -> View:
+def view_of(task: Task, look: StampedSnapshot, rng: np.random.Generator, scale: float = 1.0) -> ProjectionView:
     """The rope as cameras and their reconstruction show it, with so many times the cell's noise."""
-    return View(time_s=look.stamp_s, points=seen_rope(task, look.snapshot.nodes, rng, scale))
+    return ProjectionView(time_s=look.stamp_s, points=seen_rope(task, look.snapshot.nodes, rng, scale))
 
 
-def push_of(task: Task, before: View, take: PushSample, rng: np.random.Generator, scale: float = 1.0) -> Push:
+def push_of(task: Task, before: ProjectionView, take: PushSample, rng: np.random.Generator, scale: float = 1.0) -> Push:
     """A push as discovery reads it, with the view from which it was chosen."""
     finger = seen_tip(take.during.snapshot.tip, rng)
     return Push(

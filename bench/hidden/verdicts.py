@@ -13,13 +13,13 @@ from app.discovery.dataset.study import Study
 from app.discovery.pipeline import Stages, judged
 from app.discovery.results.case import Estimate, Name
 from app.discovery.results.verdict import estimates_of, verdict_of
-from app.discovery.unexplained.formula import Opened
-from app.discovery.unexplained.residual_test import Leftover
+from app.discovery.unexplained.formula import UnexplainedForce
+from app.discovery.unexplained.residual_test import ResidualTest
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.discovery_subject import doubted_in
 
-_NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
+_NOT_LOOKED_FOR: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
 """Forces of no cause, which take as long as all the rest."""
 
 

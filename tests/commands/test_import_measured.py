@@ -17,7 +17,7 @@ from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
 from app.discovery.residuals.displacement_field import Basis, registered
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import Step
 from app.discovery.results.verdict import estimates_of
 from app.services.study import read_study
@@ -43,7 +43,7 @@ def imported(folder: Path, arrays: dict[str, Any], name: str = "measured") -> St
     return read_study([path])
 
 
-def ready(study: Study) -> tuple[Predictor, Trials, Subject]:
+def ready(study: Study) -> tuple[Predictor, SimulationBatch, Subject]:
     """Predictor, trials and model under test, as at the start of a discovery."""
     subject = subject_of(load(f"{study.task}@rods"), study.setup)
     here = centred(study, subject)

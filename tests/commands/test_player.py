@@ -11,7 +11,7 @@ from app.core.dialogue.requests import Request
 from app.core.system.channel import Lossless
 from app.recording.read.timeline import open_timeline
 from app.ui.console import Console
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.player import FASTEST, Player
 from app.ui.replanning import Replanned, ReplanRequest
 from tests.ui import synthetic
@@ -40,7 +40,7 @@ async def test_the_desk_follows_the_player(tmp_path: Path) -> None:
     timeline = await anyio.to_thread.run_sync(opening.__enter__)
     player = Player(reel(timeline))
     requests = Lossless[Request]("operator requests", bound=10)
-    desk = Desk(stop=lambda: None, post=requests.put_nowait, now=player.now, replay=True)
+    desk = OperatorController(stop=lambda: None, post=requests.put_nowait, now=player.now, replay=True)
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(show, player, timeline, Console(url="", desk=desk, requests=requests), planned)
         player.jump(3.0)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.discovery.inference.screen import Screening
-from app.discovery.inference.weighing import Prior, Weighing, weigh
+from app.discovery.inference.weighing import ModelComparison, Prior, weigh
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.sensitivity import Step
 
@@ -28,7 +28,7 @@ def screening(slopes: Callable[[np.random.Generator], np.ndarray]) -> Screening:
     )
     prior = Prior(mean=np.zeros(5), variance=np.array([100.0, *[0.05**2] * 4]), nuisance=(0,))
     steps = [Step(cause=name, column=n, size=1.0, sides=2) for n, name in enumerate(("friction", *CAUSES))]
-    weighing: Weighing = weigh(data, ALL, prior)
+    weighing: ModelComparison = weigh(data, ALL, prior)
     return Screening(
         about=np.zeros(5), steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=(), ends={}
     )

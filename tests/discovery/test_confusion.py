@@ -5,7 +5,7 @@ import pytest
 
 from app.discovery.inference.confusion import confusions
 from app.discovery.inference.decide import named_of
-from app.discovery.inference.weighing import Finding, weigh
+from app.discovery.inference.weighing import HypothesisResult, weigh
 from app.discovery.residuals.rows import Residuals
 from tests.discovery.made_up import ALL, CAUSES, K, R, screening
 
@@ -54,7 +54,7 @@ def _with(data: Residuals, r: np.ndarray) -> Residuals:
     return Residuals(r=r, J=data.J, spread=data.spread, known=data.known, episode=data.episode, blocks=data.blocks)
 
 
-def _first(findings: tuple[Finding, ...]) -> int | None:
+def _first(findings: tuple[HypothesisResult, ...]) -> int | None:
     """The likeliest cause; None where the null hypothesis is likelier."""
     logs = {str(n): finding.log_bayes for n, finding in enumerate(findings)}
     found = named_of(logs)

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from app.discovery.inference.decide import held_out_of_linear, is_earned, trimmed
-from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
 from tests.discovery.made_up import ALL, K, R, screening
 
 
-def with_cause(size: float) -> tuple[Screening, Suspect]:
+def with_cause(size: float) -> tuple[Screening, CandidateCause]:
     """A screening of a world in which the first cause has this size, and that cause as a suspect."""
     about = screening(lambda rng: rng.normal(size=(K, R, 4)))
     data = replace(about.data, r=about.data.r + size * about.data.J[:, :, 1])
     weighing = weigh(data, ALL, about.prior)
-    suspect = Suspect(cause="push", columns=(1,), steps=(about.steps[1],), finding=weighing.findings[0])
+    suspect = CandidateCause(cause="push", columns=(1,), steps=(about.steps[1],), finding=weighing.findings[0])
     return replace(about, data=data, weighing=weighing), suspect
 
 

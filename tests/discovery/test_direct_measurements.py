@@ -5,11 +5,11 @@ import pytest
 
 from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import Theta, catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.inference.screen import prior_of
 from app.discovery.inference.weighing import weigh
 from app.discovery.residuals.direct_measurements import direct_blocks, direct_rows, row_of
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, secant_of, steps_of
 from app.discovery.sensor_actuator_errors.base import Eye, Load
@@ -48,9 +48,9 @@ def study(truth: Theta, seed: int = 0) -> Study:
         command = random_track(rng, cloud, PushDesign(), start_s=5.0 * number, height_m=SUBJECT.low_m - 0.004)
         bare = Push(
             episode=number // 6,
-            before=View(time_s=command.times_s[0], points=cloud),
+            before=ProjectionView(time_s=command.times_s[0], points=cloud),
             during=(),
-            after=View(time_s=command.times_s[-1], points=cloud),
+            after=ProjectionView(time_s=command.times_s[-1], points=cloud),
             command=command,
             measured=None,
         )
@@ -65,7 +65,7 @@ def study(truth: Theta, seed: int = 0) -> Study:
             Push(
                 episode=bare.episode,
                 before=bare.before,
-                during=(View(time_s=at, points=cloud, finger=finger),),
+                during=(ProjectionView(time_s=at, points=cloud, finger=finger),),
                 after=bare.after,
                 command=command,
                 measured=Track(times_s=command.times_s, poses=poses),
@@ -81,7 +81,7 @@ def _table(rng: np.random.Generator, truth: Theta) -> np.ndarray:
     return shown + rng.normal(0, 1e-3, (400, 3)).astype(np.float32)
 
 
-def data(trials: Trials) -> Residuals:
+def data(trials: SimulationBatch) -> Residuals:
     rows = direct_rows(PREDICTOR, trials, NOMINAL, [secant_of(PREDICTOR, trials, NOMINAL, step) for step in STEPS])
     episode = np.array([push.episode for push in trials.study.pushes])
     spread = np.zeros((*rows.r.shape, 1))

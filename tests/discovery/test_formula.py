@@ -10,10 +10,10 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import ModelSelection, decide
 from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.verdict import verdict_of
-from app.discovery.unexplained.formula import Opened, opened
+from app.discovery.unexplained.formula import UnexplainedForce, opened
 from app.policy.random_pushes import PushDesign
 from app.sim.model.params import acting
 from app.tasks import load
@@ -51,7 +51,7 @@ def studies() -> dict[str, Study]:
 
 
 @cache
-def decided(name: str) -> tuple[Trials, Screening, ModelSelection, Opened]:
+def decided(name: str) -> tuple[SimulationBatch, Screening, ModelSelection, UnexplainedForce]:
     """Selection with a tilted table as the only known cause, the one most like a swirl."""
     trials = prepare(studies()[name], SUBJECT)
     screening = screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=("table_tilt",))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.discovery.checks.frames import frame_tests
-from app.discovery.dataset.study import Push, Study, View
-from app.discovery.residuals.predict import Trials, prepare
+from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.residuals.predict import SimulationBatch, prepare
 from app.discovery.results.case import FrameTest
 from app.policy.random_pushes import PushDesign, random_track
 from app.tasks import load
@@ -21,7 +21,7 @@ SIZE_M = 4e-3
 
 
 @cache
-def trials() -> Trials:
+def trials() -> SimulationBatch:
     rng, pushes, now_s = np.random.default_rng(0), list[Push](), 0.0
     for number in range(PUSHES):
         x = fill_tube(TASK.start(number), TASK.rope.radius_m, 300)
@@ -30,9 +30,9 @@ def trials() -> Trials:
         pushes.append(
             Push(
                 episode=number * EPISODES // PUSHES,
-                before=View(time_s=float(track.times_s[0]), points=x),
+                before=ProjectionView(time_s=float(track.times_s[0]), points=x),
                 during=(),
-                after=View(time_s=now_s, points=x),
+                after=ProjectionView(time_s=now_s, points=x),
                 command=track,
                 measured=None,
             )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.discovery.inference.mixed_effects import fitted
-from app.discovery.inference.weighing import CALIBRATED, Prior, Weighing, dispersion, weigh
+from app.discovery.inference.weighing import CALIBRATED, ModelComparison, Prior, dispersion, weigh
 from app.discovery.residuals.rows import Block, Residuals
 
 K, R, P = 60, 16, 12
@@ -36,7 +36,7 @@ def made(seed: int, theta: np.ndarray, *, outliers: float = 0.0, common: float =
     )
 
 
-def weighed(data: Residuals) -> Weighing:
+def weighed(data: Residuals) -> ModelComparison:
     return weigh(data, [[column] for column in range(2, P)], PRIOR)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from app.core.geometry.track import Track
 from app.discovery.checks.limits import limits_of
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.results.case import Limit
 from app.policy.random_pushes import PushDesign, midway_s, random_track
 from app.tasks import load
@@ -33,9 +33,9 @@ def good() -> Study:
         pushes.append(
             Push(
                 episode=number // 6,
-                before=View(time_s=now_s - 0.5 - float(np.ptp(command.times_s)), points=x),
-                during=(View(time_s=at, points=x + MOVED / 2, finger=finger),),
-                after=View(time_s=now_s, points=x + MOVED),
+                before=ProjectionView(time_s=now_s - 0.5 - float(np.ptp(command.times_s)), points=x),
+                during=(ProjectionView(time_s=at, points=x + MOVED / 2, finger=finger),),
+                after=ProjectionView(time_s=now_s, points=x + MOVED),
                 command=command,
                 measured=command,
             )
@@ -111,7 +111,7 @@ def unmoved(push: Push) -> Push:
 
 
 def scaled(push: Push, by: float) -> Push:
-    def view(of: View) -> View:
+    def view(of: ProjectionView) -> ProjectionView:
         return replace(of, points=(of.points * by).astype(np.float32))
 
     return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))

@@ -9,7 +9,7 @@ import pytest
 from app.core.measured_setup import FoundTable
 from app.discovery.checks.placement import centred, moved_back, reach_m
 from app.discovery.dataset.model_under_test import REACH_M, setup_of
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.report import show_case, write_report
 from app.tasks import load
 from app.tasks.discovery_subject import subject_of
@@ -23,7 +23,7 @@ def elsewhere() -> Study:
     """The good study three metres away."""
     shift = np.array([*ORIGIN_M, 0.0])
 
-    def view(it: View) -> View:
+    def view(it: ProjectionView) -> ProjectionView:
         return replace(it, points=(it.points + shift).astype(np.float32))
 
     def push(it: Push) -> Push:

@@ -12,7 +12,7 @@ from app.config import KeepOut, Limits, Site
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.dataset.study import View
+from app.discovery.dataset.study import ProjectionView
 from app.discovery.experiments.probe import (
     NOTHING,
     Belief,
@@ -86,7 +86,7 @@ def rope() -> np.ndarray:
 
 
 def table(site: Site | None = None, plan: PushDesign | None = None) -> PushSituation:
-    seen = View(time_s=0.0, points=rope())
+    seen = ProjectionView(time_s=0.0, points=rope())
     return scene(TASK, seen, 0, (), plan or PushDesign(), site or Site())
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from app.discovery.inference.mixed_effects import Forms
+from app.discovery.inference.mixed_effects import QuadraticForms
 from app.discovery.inference.weighing import Prior, weigh
 from app.discovery.residuals.forces import FEATURES, parameters
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.unexplained.basis_functions import Widened
-from app.discovery.unexplained.residual_test import LEFT, Leftover, by_chance, leftover, projected, something_left
+from app.discovery.unexplained.residual_test import LEFT, ResidualTest, by_chance, leftover, projected, something_left
 
 EPISODES, PUSHES, ROWS = 8, 4, 12
 NUISANCES, HABIT = 3, 0.15
@@ -41,7 +41,7 @@ def widened(
     return Widened(data=data, prior=prior, weighing=weigh(data, list(AT.values()), prior), at=AT)
 
 
-def found(seed: int, swirl: float) -> Leftover:
+def found(seed: int, swirl: float) -> ResidualTest:
     return leftover(widened(seed, swirl=swirl))
 
 
@@ -75,9 +75,9 @@ def test_by_chance_is_even_where_only_chance_is() -> None:
     assert np.mean(np.array(shares) < 0.1) < 0.2
 
 
-def forms_of(J: np.ndarray, r: np.ndarray) -> Forms:
+def forms_of(J: np.ndarray, r: np.ndarray) -> QuadraticForms:
     """Quadratic forms of errors of unit size: J (E, R, F), r (E, R)."""
-    return Forms(np.einsum("erp,erq->epq", J, J), np.einsum("erp,er->ep", J, r), np.arange(len(J)))
+    return QuadraticForms(np.einsum("erp,erq->epq", J, J), np.einsum("erp,er->ep", J, r), np.arange(len(J)))
 
 
 def test_what_the_simulators_own_errors_look_like_is_not_something_else() -> None:

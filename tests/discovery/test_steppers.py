@@ -9,7 +9,7 @@ import pytest
 
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
 from app.discovery.residuals.displacement_field import MODES, Basis, registered
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import STARTS, residuals
 from app.discovery.residuals.steppers import material_coordinates
 from app.policy.random_pushes import PushDesign
@@ -28,7 +28,7 @@ def predictor() -> Predictor:
 
 
 @cache
-def trials() -> Trials:
+def trials() -> SimulationBatch:
     return prepare(CASE.record(), SUBJECT)
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.inference.decide import Held, ModelSelection
+from app.discovery.inference.decide import HeldOutGain, ModelSelection
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.residuals.forces import FORMULA, with_formula
-from app.discovery.results.case import Blame, Limit
+from app.discovery.results.case import CauseResult, Limit
 from app.discovery.results.verdict import estimates_of, sentences_of, verdict_of
-from app.discovery.unexplained.formula import AcceptedFormula, Opened
-from app.discovery.unexplained.residual_test import Leftover
+from app.discovery.unexplained.formula import AcceptedFormula, UnexplainedForce
+from app.discovery.unexplained.residual_test import ResidualTest
 from app.tasks import load
 from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
@@ -31,7 +31,7 @@ def decision(probabilities: dict[str, float], accepted: RefinedModel | None) -> 
         probabilities=probabilities,
         nothing=1 - sum(probabilities.values()),
         accepted=accepted,
-        held=Held(5.0, 1.0),
+        held=HeldOutGain(5.0, 1.0),
     )
 
 
@@ -39,8 +39,8 @@ SURE = decision({"table_tilt": 0.95, "draught": 0.04}, model("table_tilt"))
 TORN = decision({"stribeck": 0.5, "viscous_film": 0.42, "friction_map": 0.05, "draught": 0.01}, model("stribeck"))
 
 
-NOTHING_LEFT = Opened(Leftover(0.1, 0.6), None)
-MUCH_LEFT = Opened(Leftover(0.98, 0.008), None)
+NOTHING_LEFT = UnexplainedForce(ResidualTest(0.1, 0.6), None)
+MUCH_LEFT = UnexplainedForce(ResidualTest(0.98, 0.008), None)
 
 
 def test_a_cause_that_is_probable_enough_is_named() -> None:
@@ -68,8 +68,8 @@ def test_where_something_may_well_be_missing_but_nothing_is_sure_the_sentence_sa
     assert sentences_of("none", (), "", [], {"stribeck": 0.1}, 0.1, None)[0].startswith("Nothing is missing")
 
 
-def blame(name: str) -> Blame:
-    return Blame(effect=name, family="physics", about="", estimates=(), probability=0.2, log_bayes=5.0)
+def blame(name: str) -> CauseResult:
+    return CauseResult(effect=name, family="physics", about="", estimates=(), probability=0.2, log_bayes=5.0)
 
 
 def test_what_was_not_accepted_is_not_named_however_probable() -> None:
@@ -103,7 +103,7 @@ def test_a_formula_that_is_better_than_every_cause_takes_their_place() -> None:
     found = AcceptedFormula(
         features=("swirl",), model=model("table_tilt"), catalogue=with_formula(CATALOGUE, ("swirl",))
     )
-    assert verdict_of(SURE, [MILD], Opened(Leftover(0.98, 0.008), found)) == ("none_of_these", ())
+    assert verdict_of(SURE, [MILD], UnexplainedForce(ResidualTest(0.98, 0.008), found)) == ("none_of_these", ())
     assert FORMULA not in {cause.name for cause in CATALOGUE.causes}
 
 

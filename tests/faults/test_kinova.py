@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.rig.kinova.client.client import OwnLink
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from bench.faults.application import FAULTS, Doing
@@ -73,6 +73,6 @@ def test_so_it_is_after_every_fault_of_the_application_time_and_again(doing: Doi
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("doing", FAULTS)
 def test_one_lost_packet_of_a_hundred_stops_nothing_in_minutes(doing: Doing) -> None:
-    stops = disturbed(doing, 150.0, Adversity(loss=0.01))
+    stops = disturbed(doing, 150.0, FaultInjection(loss=0.01))
     # What the application says too late for, on a busy machine, is not the wire's.
     assert [why for why in stops if not why.startswith("Watchdog")] == []

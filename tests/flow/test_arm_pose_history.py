@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.geometry.arm_geometry import Posture
+from app.core.geometry.arm_geometry import JointState
 from app.flow.arm_pose_history import Following, posed
 from tests.flow.rig import TickedArm
 
 HALF_TURN = np.pi
 
 
-def posture(x: float, angle: float) -> Posture:
-    return Posture(joints=np.full(7, angle), tool=np.array([x, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0]))
+def posture(x: float, angle: float) -> JointState:
+    return JointState(joints=np.full(7, angle), tool=np.array([x, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0]))
 
 
 PAST = [(1.0, posture(0.30, 0.0)), (1.1, posture(0.34, 0.2)), (1.2, posture(0.34, 0.2))]

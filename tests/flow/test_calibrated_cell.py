@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.camera_calibration_messages import Placing
 from app.core.dialogue.jog import Jog
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
@@ -53,7 +53,7 @@ class Session:
     def __init__(self, rig: SimulatedRig, path: Path) -> None:
         self.rig, self.shown = rig, Shown()
         self.frames = {camera.model.name: Latest[Frame](camera.model.name) for camera in rig.cameras}
-        announcer = Announcer(operator=self.shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+        announcer = MessageBus(operator=self.shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
         self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, LoopClock())
 
     async def capture(self, camera: Camera) -> None:

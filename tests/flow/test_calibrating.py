@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.config import Limits, Site, Timing, Workspace
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.camera_calibration_messages import BoardSeen, Placing
 from app.core.dialogue.control import ModeName
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest, Request
@@ -63,7 +63,7 @@ class Calibrated:
             name="camera0", width=640, height=480, K=LENS.K, T_world_camera=TRUTH.X, depth_unit_m=0.001
         )
         self.frames = {"camera0": Latest[Frame]("frames")}
-        announcer = Announcer(operator=self, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+        announcer = MessageBus(operator=self, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
         self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, LoopClock())
         self._rng = np.random.default_rng(0)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import EditRequest
 from app.core.dialogue.summary import Summary
 from app.core.messages import Goal, Notice, fresh_id
@@ -49,7 +49,7 @@ def editing(shown: Shown, planner: InsideWorker) -> Editing:
         automatic=False,
         calibrating=False,
     )
-    announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+    announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
     return Editing(wish, announcer, planner, Site())
 
 

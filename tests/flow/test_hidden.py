@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.requests import Request
 from app.core.dialogue.summary import Summary
 from app.core.geometry.arm_geometry import ArmShape
@@ -107,7 +107,7 @@ async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, W
     """Run perception until the block ends."""
     photographs()
     screen, watcher, clock, summary = Screen(), Watcher(), LoopClock(), Summary()
-    announcer = Announcer(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
+    announcer = MessageBus(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
     sensing = Sensing(ScreenedRig(screen), how, summary, announcer, clock)
     with anyio.fail_after(PATIENCE_S):
         async with announcer.recording(), sensing.perceiver, anyio.create_task_group() as tasks:

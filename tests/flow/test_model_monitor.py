@@ -8,7 +8,7 @@ import anyio
 import numpy as np
 import pytest
 
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.model_monitor_messages import Verdict, Watched
 from app.core.dialogue.summary import Summary
 from app.core.messages import Message, Model, Notice, Transition, fresh_id
@@ -65,7 +65,7 @@ async def watched(
     pushes: list[ExecutedPush], verdict: Verdict | None = None, recording: Path | None = None
 ) -> list[Message]:
     shown, clock, summary = Shown(len(pushes)), LoopClock(), Summary()
-    announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=clock, summary=summary)
+    announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=clock, summary=summary)
     watching = Watching(announcer, clock, verdict, recording)
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(watching.run)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.announcer import Announcer
+from app.core.announcer import MessageBus
 from app.core.dialogue.summary import Summary
 from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Goal, MessageId, Notice, Particles, Transition, fresh_id
@@ -75,7 +75,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
     shown, said, clock = Shown(0), MemoryLog(), LoopClock()
     nodes, now_s = TASK.start(0), 10.0
     async with InsideWorker("planner") as planner:
-        announcer = Announcer(operator=shown, recorder=said, clock=clock, summary=Summary())
+        announcer = MessageBus(operator=shown, recorder=said, clock=clock, summary=Summary())
         asked = wish(Experiment(budget=2, batch=1))
         how = TASK.reconstruction("cpu")
         sensing = Sensing(SmallRig(small_site(tmp_path)), how, Summary(), announcer, clock)
@@ -125,7 +125,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
 async def test_a_session_without_an_experiment_asks_for_nothing(tmp_path: Path) -> None:
     clock = LoopClock()
     async with InsideWorker("planner") as planner:
-        announcer = Announcer(operator=Shown(0), recorder=MemoryLog(), clock=clock, summary=Summary())
+        announcer = MessageBus(operator=Shown(0), recorder=MemoryLog(), clock=clock, summary=Summary())
         sensing = Sensing(SmallRig(small_site(tmp_path)), TASK.reconstruction("cpu"), Summary(), announcer, clock)
         probing = Probing(wish(None), planner, Site(), sensing, announcer, clock)
         assert await probing.motion(seen(TASK.start(0), 1.0)) is None

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from app.discovery.inference.screen import Suspect
-from app.discovery.inference.weighing import Finding
+from app.discovery.inference.screen import CandidateCause
+from app.discovery.inference.weighing import HypothesisResult
 from app.discovery.residuals.sensitivity import Step
 from bench.hidden.baselines import Fitted, Linear, all_at_once, bic
 
@@ -22,11 +22,11 @@ def linear(size: float, seed: int = 0) -> Linear:
     theta[:2], theta[2 + TRUE] = (0.7, -0.4), size
     r = J @ theta + rng.normal(size=ROWS)
     suspects = tuple(
-        Suspect(
+        CandidateCause(
             cause=f"cause{at}",
             columns=(2 + at,),
             steps=(Step(cause=f"cause{at}", column=2 + at, size=1.0, sides=2),),
-            finding=Finding(0.0, np.zeros(1), np.eye(1)),
+            finding=HypothesisResult(0.0, np.zeros(1), np.eye(1)),
         )
         for at in range(CAUSES)
     )

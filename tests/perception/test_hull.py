@@ -8,13 +8,13 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
-from app.core.geometry.arm_geometry import ArmShape, Limb, Posture
+from app.core.geometry.arm_geometry import ArmShape, JointState, LinkCapsule
 from app.core.geometry.scene_description import HeldBowl
 from app.core.messages import Frame
 from app.perception.cloud.depth import project
 from app.perception.cloud.hull import VOXEL_M
 from app.perception.cloud.robot_mask import pieces, shadow
-from app.perception.reconstruct import Known, Reconstruction, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstruction, reconstruct
 from app.tasks.pour_water import TASK as POUR_WATER
 from tests.perception.scene import ROPE_RGB, camera_at, random_tube, render, views
 
@@ -65,18 +65,18 @@ def test_it_is_used_where_every_image_lacks_depth(tube):
 def test_what_the_arm_hides_is_kept_from_before_without_depth_too(tube):
     part = tube.curve[2 * len(tube.curve) // 5 : 3 * len(tube.curve) // 5]
     over = [(float(x), float(y), float(z) + 0.08) for x, y, z in part[[0, -1]]]
-    limb = Limb(link=0, begin=over[0], end=over[1], radius_m=0.06)
+    limb = LinkCapsule(link=0, begin=over[0], end=over[1], radius_m=0.06)
     arm = ArmShape(joints=(), limbs=(limb,), tool=HeldBowl(radius_m=0.05, thickness_m=0.003))
-    here = Posture(joints=np.zeros(0), tool=np.array([0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    here = JointState(joints=np.zeros(0), tool=np.array([0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     frames = [replace(frame, time_s=1.0, color=behind(frame, arm, here)) for frame in views(tube, 1)]
-    known = Known(arm=arm, postures=(here, here), memory=reconstruct(views(tube), HOW).memory)
+    known = PriorKnowledge(arm=arm, postures=(here, here), memory=reconstruct(views(tube), HOW).memory)
     without, kept = reconstruct(frames, HOW), reconstruct(frames, HOW, known=known)
     assert KDTree(without.positions).query(part)[0].max() > 0.015
     assert KDTree(kept.positions).query(tube.curve)[0].max() < 0.012
     assert kept.predicted.any()
 
 
-def behind(frame: Frame, arm: ArmShape, at: Posture) -> np.ndarray:
+def behind(frame: Frame, arm: ArmShape, at: JointState) -> np.ndarray:
     """The colours, grey where the arm is."""
     dark = np.isfinite(shadow(frame.camera, np.zeros_like(frame.depth), pieces(arm, at, margin_m=0.0)))
     return np.where(dark[..., None], np.uint8(90), frame.color)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.core.colours import ColourRange
-from app.perception.reconstruct import Known, Reconstruction, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstruction, reconstruct
 from bench.tube import Tube
 from tests.perception.scene import ROPE_RGB, views
 
@@ -14,7 +14,7 @@ def test_an_object_that_moves_by_itself_is_seen_as_without_the_frames_before(tub
     how = Reconstruction(colour=ColourRange.around(ROPE_RGB), particle_count=300, hidden_s=0.0)
     moved = Tube(curve=tube.curve + np.array([0.004, 0.0, 0.02]), radius_m=tube.radius_m)
     before, now = views(tube, 0), [replace(frame, time_s=0.5) for frame in views(moved, 1)]
-    known = Known(before=tuple(before), memory=reconstruct(before, replace(how, hidden_s=60.0)).memory)
+    known = PriorKnowledge(before=tuple(before), memory=reconstruct(before, replace(how, hidden_s=60.0)).memory)
     np.testing.assert_array_equal(
         reconstruct(now, how, known=replace(known, memory=reconstruct(before, how).memory)).positions,
         reconstruct(now, how).positions,

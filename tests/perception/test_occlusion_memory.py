@@ -12,7 +12,7 @@ from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
 from app.perception.cloud.depth import nearest, project
 from app.perception.cloud.occlusion_memory import NOTHING, Memory
-from app.perception.reconstruct import Known, Reconstructed, Reconstruction, reconstruct
+from app.perception.reconstruct import PriorKnowledge, Reconstructed, Reconstruction, reconstruct
 from bench.tube import Tube
 from tests.perception.hiding import screened, touched
 from tests.perception.scene import ROPE_RGB, random_tube, views
@@ -26,7 +26,7 @@ def at(frames: Sequence[Frame], time_s: float) -> list[Frame]:
 
 
 def after(frames: Sequence[Frame], memory: Memory) -> Reconstructed:
-    return reconstruct(frames, HOW, known=Known(memory=memory))
+    return reconstruct(frames, HOW, known=PriorKnowledge(memory=memory))
 
 
 def middle(tube: Tube) -> np.ndarray:

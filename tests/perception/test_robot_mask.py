@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.core.geometry.arm_geometry import Posture
+from app.core.geometry.arm_geometry import JointState
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Finger, Paddle, Stage
 from app.core.motion import TOOL_DOWN
@@ -26,12 +26,12 @@ OUT_OF_SIGHT = np.column_stack([np.full(11, 0.5), np.linspace(-0.2, 0.2, 11), np
 FLAT = replace(FINGER, half_width_m=0.02, yaw_rad=0.9)
 
 
-def posture(x: float, y: float, z: float) -> Posture:
+def posture(x: float, y: float, z: float) -> JointState:
     tool = np.array([x, y, z, *TOOL_DOWN, 0.0])
-    return Posture(joints=solve_joints(tool), tool=tool)
+    return JointState(joints=solve_joints(tool), tool=tool)
 
 
-def depth_of(at: Posture, tool: Finger | Paddle, camera: CameraModel = CAMERA) -> np.ndarray:
+def depth_of(at: JointState, tool: Finger | Paddle, camera: CameraModel = CAMERA) -> np.ndarray:
     """The cell with the arm in this posture and nothing else in sight."""
     stage = Stage(body=ROPE, tool=tool) if isinstance(tool, Finger) else Stage(body=BEANS, tool=tool)
     nodes = np.resize(OUT_OF_SIGHT, (11 if isinstance(tool, Finger) else 2 * BEANS.count, 3))
@@ -42,7 +42,7 @@ def depth_of(at: Posture, tool: Finger | Paddle, camera: CameraModel = CAMERA) -
 HIGH, LOW = posture(0.45, 0.05, 0.15), posture(0.60, -0.10, 0.006)
 
 
-def shown(at: Posture, tool: Finger | Paddle) -> np.ndarray:
+def shown(at: JointState, tool: Finger | Paddle) -> np.ndarray:
     """The pixels that show the arm: there the depth is another than with the arm elsewhere, out of sight."""
     away = posture(0.30, 0.0, 0.9)
     return depth_of(at, tool) != np.maximum(depth_of(away, tool), depth_of(at, tool))
@@ -50,7 +50,7 @@ def shown(at: Posture, tool: Finger | Paddle) -> np.ndarray:
 
 @pytest.mark.parametrize("tool", [FINGER, FLAT, PADDLE], ids=["finger", "flat finger", "paddle"])
 @pytest.mark.parametrize("at", [HIGH, LOW], ids=["high", "low"])
-def test_every_pixel_that_shows_the_arm_is_in_its_shadow(at: Posture, tool: Finger | Paddle):
+def test_every_pixel_that_shows_the_arm_is_in_its_shadow(at: JointState, tool: Finger | Paddle):
     dark = np.isfinite(shadow(CAMERA, depth_of(at, tool), pieces(known_arm(tool), at)))
     arm = shown(at, tool)
     assert arm.sum() > 3000

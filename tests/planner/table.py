@@ -8,8 +8,8 @@ import numpy as np
 
 from app.core.types import Points
 from app.planner.search.plan import TreePlanner
-from app.planner.search.tree import Search
-from app.policy.base import AWAY, Now
+from app.planner.search.tree import TreeConfig
+from app.policy.base import AWAY, PlanningState
 from app.tasks import jit_cache as compiled
 from app.tasks import load
 from app.tasks.curves import fill_tube
@@ -28,8 +28,8 @@ def rope(offset_m: float = 0.0, turn_rad: float = 0.0) -> Points:
 
 
 @cache
-def search(branches: int = 4, depth: int = 2) -> Search:
-    return Search(
+def search(branches: int = 4, depth: int = 2) -> TreeConfig:
+    return TreeConfig(
         space=SPACE,
         policy=TASK.policy,
         weights=TASK.weights,
@@ -43,9 +43,9 @@ def planner() -> TreePlanner:
     return TreePlanner(search=search(), descent=TASK.descent, gradient_steps=3)
 
 
-def now(x: np.ndarray, count: int) -> Now:
+def now(x: np.ndarray, count: int) -> PlanningState:
     """The same object for so many candidates, the tool away."""
-    return Now.at_rest(batch(x, count))
+    return PlanningState.at_rest(batch(x, count))
 
 
 def tool(count: int) -> jnp.ndarray:

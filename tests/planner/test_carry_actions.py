@@ -11,7 +11,7 @@ from app.arm.gate import check_motion
 from app.config import Site
 from app.core.motion import pointing_down
 from app.planner.actions.carry_actions import Carries, KeptClear
-from app.policy.base import Now
+from app.policy.base import PlanningState
 
 SPACE = Carries(
     low=(0.26, -0.34, 0.006),
@@ -34,8 +34,8 @@ def hand(x_m: float = 0.50, y_m: float = -0.10, z_m: float = 0.10, opening_m: fl
     return pose
 
 
-def now(tool: np.ndarray, count: int = 16) -> Now:
-    return Now.at_rest(jnp.tile(jnp.asarray(CLOTH)[None], (count, 1, 1)), tool)
+def now(tool: np.ndarray, count: int = 16) -> PlanningState:
+    return PlanningState.at_rest(jnp.tile(jnp.asarray(CLOTH)[None], (count, 1, 1)), tool)
 
 
 def wild(seed: int, count: int = 16) -> jnp.ndarray:

@@ -6,7 +6,7 @@ import pytest
 
 from app.config import Site
 from app.core.motion import pointing_down
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.tasks import load, names
 
 COUNT = 6
@@ -18,7 +18,7 @@ def test_an_action_is_read_back_from_the_poses_of_its_motion(name: str) -> None:
     x = task.goal(0, task.preset("cpu").particle_count)
     tool = pointing_down(np.array([0.40, -0.05, 0.25]))
     tool[7] = 0.05
-    now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)), tool)
+    now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)), tool)
     actions = np.asarray(task.actions.project(jnp.asarray(task.actions.sample(rng, x, tool, COUNT)), now))
     for action in actions:
         poses = finely(task.actions.motion(action, tool, Site()).poses)

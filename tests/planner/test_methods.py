@@ -16,16 +16,16 @@ from app.planner.planner_factory import made
 from app.planner.search.budget import SLOPE_ROLLOUTS, tree_rollouts
 from app.planner.search.cem import CemPlanner, Refit, evolve
 from app.planner.search.cost import Terms
-from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Rollout, start
-from app.policy.base import Now, Prepared
+from app.policy.base import PlanningState, Prepared
 from app.tasks import load, names
 from tests.planner.table import PHI, TASK, rope, search
 
 BASELINES = sorted(set(planners()) - {PAPER})
-DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
+DESCENT = OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5)
 
 
 def simulated(planner: Planner) -> int:
@@ -61,7 +61,7 @@ class Forbidden:
     def prepare(self, observed: np.ndarray, goal: np.ndarray) -> Prepared:
         raise AssertionError("the policy was asked to prepare")
 
-    def act(self, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
+    def act(self, prepared: Prepared, now: PlanningState) -> Float[Array, "B A"]:
         raise AssertionError("the policy was asked to act")
 
 
@@ -106,7 +106,7 @@ def bowl(actions: Float[Array, "B D A"]) -> Rollout:
 def test_the_cross_entropy_method_finds_a_minimum_among_what_is_finite_and_allowed(steps: int) -> None:
     scale = np.full(2, 0.05, np.float32)
 
-    def improve(actions: Float[Array, "B D A"]) -> Descended:
+    def improve(actions: Float[Array, "B D A"]) -> OptimizedRollouts:
         return descend(bowl, actions, steps=steps, descent=DESCENT, scale=scale)
 
     first = 2.0 * jax.random.normal(jax.random.key(1), (64, 2, 2))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from app.planner.search.cost import Terms
-from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.tree import Rollout
 
-DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
+DESCENT = OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5)
 SCALE = np.full(3, 0.1, np.float32)
 
 
@@ -25,7 +25,7 @@ def bowl(actions: jnp.ndarray) -> Rollout:
     return rollout(actions, ((actions - 1.0) ** 2).sum((1, 2)))
 
 
-def run(evaluate, start: jnp.ndarray, steps: int = 5) -> Descended:
+def run(evaluate, start: jnp.ndarray, steps: int = 5) -> OptimizedRollouts:
     return jax.jit(lambda start: descend(evaluate, start, steps=steps, descent=DESCENT, scale=SCALE))(start)
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.config import Site
 from app.core.motion import pointing_down
 from app.planner.actions.pour_actions import from_upright, tilt
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.tasks import load
 
 SPACE = load("pour_water").actions
@@ -28,10 +28,10 @@ def tool(rng: np.random.Generator) -> np.ndarray:
     return pose
 
 
-def situation(seed: int, count: int = 16) -> tuple[Now, jnp.ndarray]:
+def situation(seed: int, count: int = 16) -> tuple[PlanningState, jnp.ndarray]:
     """A bowl, and wild actions of it."""
     rng = np.random.default_rng(seed)
-    now = Now.at_rest(jnp.zeros((count, 1, 3)), tool(rng))
+    now = PlanningState.at_rest(jnp.zeros((count, 1, 3)), tool(rng))
     return now, jnp.asarray(rng.normal(0, [0.1] * 3 + [0.5] * 3, (count, 6)), jnp.float32)
 
 

@@ -10,7 +10,7 @@ from app.planner.search.cem import CemPlanner, Refit
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thinned
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 from app.tasks import jit_cache as compiled
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
 
@@ -18,7 +18,7 @@ ASKED = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)
 ROUNDED_M = 1e-6
 
 
-def filmed(**changes: int) -> Search:
+def filmed(**changes: int) -> TreeConfig:
     return replace(search(**changes), part=compiled.moving("rope_push", PARTICLES))
 
 

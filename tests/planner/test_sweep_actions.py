@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from app.config import Site
 from app.core.motion import TOOL_DOWN
 from app.planner.actions.sweep_actions import Sweeps
-from app.policy.base import AWAY, Now
+from app.policy.base import AWAY, PlanningState
 from app.tasks import load
 
 TASK = load("bean_sweep")
@@ -22,8 +22,8 @@ assert isinstance(TASK.actions, Sweeps)
 SPACE: Sweeps = TASK.actions
 LOW, HIGH = np.array(SPACE.region[:2]), np.array(SPACE.region[2:])
 X = TASK.particles(TASK.start(0), 200)
-NOW = Now.at_rest(jnp.repeat(jnp.asarray(X)[None], 16, axis=0))
-ONE = Now.at_rest(jnp.asarray(X)[None])
+NOW = PlanningState.at_rest(jnp.repeat(jnp.asarray(X)[None], 16, axis=0))
+ONE = PlanningState.at_rest(jnp.asarray(X)[None])
 NOWHERE = jnp.asarray(AWAY, jnp.float32)[None]
 project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
 SEEDS = st.integers(0, 2**31 - 1)
@@ -87,7 +87,7 @@ def test_a_sweep_that_goes_nowhere_gets_a_length_or_is_not_allowed() -> None:
 @given(SEEDS)
 def test_random_sweeps_start_beside_the_beans_and_go_through_one_of_their_particles(seed: int) -> None:
     drawn = SPACE.sample(np.random.default_rng(seed), X, AWAY, 8)
-    assert np.all(allowed(jnp.asarray(drawn), Now.at_rest(NOW.x[:8])))
+    assert np.all(allowed(jnp.asarray(drawn), PlanningState.at_rest(NOW.x[:8])))
     for action in drawn:
         across, along = in_paddle(X, action).T
         assert across.min() < 1e-4 + SPACE.half_m[0]
@@ -172,5 +172,7 @@ def test_a_motion_without_measurements_cannot_be_simulated() -> None:
 def test_where_beans_lie_everywhere_no_sweep_is_allowed() -> None:
     tiny = replace(SPACE, reach_m=(0.004, 0.004))
     side = np.stack(np.meshgrid(np.linspace(0.2, 0.9, 60), np.linspace(-0.4, 0.4, 60)), axis=-1).reshape(-1, 2)
-    crowd = Now.at_rest(jnp.asarray(np.concatenate([side, np.full((3600, 1), 0.005)], axis=1), jnp.float32)[None])
+    crowd = PlanningState.at_rest(
+        jnp.asarray(np.concatenate([side, np.full((3600, 1), 0.005)], axis=1), jnp.float32)[None]
+    )
     assert not tiny.allowed(tiny.project(wild(0, 1), crowd), crowd)[0]

@@ -10,7 +10,7 @@ import pytest
 
 from app.core.errors import RecordingError, UsageError
 from app.planner.search.tree import first_action
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Params
 from app.policy.learned.examples import Batch, Examples, scale_of
@@ -39,7 +39,7 @@ def taught(count: int) -> Examples:
     rows = []
     for seed in range(count):
         x, goal = TASK.particles(TASK.start(seed), COUNT), TASK.goal(seed, COUNT)
-        now = Now.at_rest(jnp.asarray(x)[None])
+        now = PlanningState.at_rest(jnp.asarray(x)[None])
         prepared = TASK.policy.prepare(x, goal)
         for _ in range(3):
             action = program(TASK.actions.project)(first_action(TASK.policy, prepared, now), now)
@@ -189,7 +189,7 @@ def origin_of(kind: str) -> Origin:
 def acting(policy: LearnedPolicy, shown: Examples) -> np.ndarray:
     """Actions of the policy in all the situations, as candidates side by side."""
     prepared = policy.prepare(shown.x[0], shown.goal[0])
-    now = Now.at_rest(jnp.asarray(shown.x))
+    now = PlanningState.at_rest(jnp.asarray(shown.x))
     return np.asarray(first_action(policy, prepared, now))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Lessons, Scale
 from app.policy.learned.examples import Batch, Examples
@@ -29,7 +29,7 @@ def examples_of(name: str, episodes: int = 2, actions: int = 2) -> Examples:
     task, rng, rows = load(name), np.random.default_rng(0), []
     for seed in range(episodes):
         x, goal = (np.float32(each(seed, COUNT)) for each in (_start(name), task.goal))
-        tool = np.asarray(Now.at_rest(jnp.asarray(x)[None]).tool[0])
+        tool = np.asarray(PlanningState.at_rest(jnp.asarray(x)[None]).tool[0])
         drawn = task.actions.sample(rng, x, tool.astype(np.float64), actions)
         rows += [(x, goal, tool, action, x, seed) for action in drawn]
     return Examples(*(np.stack(column) for column in zip(*rows, strict=True)))
@@ -141,7 +141,7 @@ def test_nothing_is_asked_of_what_followed_where_the_goal_in_hindsight_was_reach
 def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() -> None:
     for name, tells in (("rope_push", False), ("cloth_hang", True)):
         how, shown = lessons(load(name)), examples_of(name, episodes=1, actions=1)
-        now = Now.at_rest(jnp.asarray(shown.x))
+        now = PlanningState.at_rest(jnp.asarray(shown.x))
         elsewhere = now._replace(tool=now.tool + jnp.array([0.1, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
         here, there = (how.seen(jnp.asarray(shown.goal), each).tool for each in (now, elsewhere))
         assert (np.abs(np.asarray(there - here)).max() > 0.01) == tells
@@ -165,7 +165,7 @@ def test_what_was_meant_for_now_at_earlier_decisions_has_a_say_and_the_oldest_th
 
     meant = []
     for x, goal, tool in zip(shown.x, shown.goal, np.float64(shown.tool), strict=True):
-        now = Now.at_rest(jnp.asarray(x)[None], tool)
+        now = PlanningState.at_rest(jnp.asarray(x)[None], tool)
         mean, later, found = told(policy, policy.prepare(x, goal), now)
         meant = [np.stack([mean, *later]), *meant]
         # Made so many decisions ago, it says of now what it said of so many actions later.
@@ -198,8 +198,8 @@ def test_a_policy_does_alike_what_is_turned_on_the_table(name: str) -> None:
     # As far as it lies along its frame: a principal axis has no head, and may be taken the other way round elsewhere.
     turned = how.symmetry.frame(jnp.asarray(shown.goal), jnp.asarray(shown.x))
     by = _about(task.symmetry.about_m, turned)
-    here = Now.at_rest(jnp.asarray(shown.x))
-    there = Now(here.state._replace(x=by.places(here.x)), by.poses(here.tool))
+    here = PlanningState.at_rest(jnp.asarray(shown.x))
+    there = PlanningState(here.state._replace(x=by.places(here.x)), by.poses(here.tool))
     goal = np.asarray(by.places(jnp.asarray(shown.goal)))[0]
     act = jax.jit(policy.act)
     wanted = task.actions.moved(act(policy.prepare(shown.x[0], shown.goal[0]), here).mean, by)

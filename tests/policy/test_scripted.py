@@ -8,7 +8,7 @@ import pytest
 from app.config import Site
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
-from app.policy.base import AWAY, Now
+from app.policy.base import AWAY, PlanningState
 from app.tasks import load
 from app.tasks.curves import fill_tube
 
@@ -31,8 +31,8 @@ def bent(height_m: float) -> Points:
     return fill_tube(curve, 0.008, 300)
 
 
-def at(x: Points) -> Now:
-    return Now.at_rest(jnp.asarray(x)[None])
+def at(x: Points) -> PlanningState:
+    return PlanningState.at_rest(jnp.asarray(x)[None])
 
 
 def pushed(x: Points, goal: Points) -> np.ndarray:
@@ -68,7 +68,7 @@ def test_which_end_of_the_goal_comes_first_does_not_matter() -> None:
 def test_candidates_do_not_hear_of_each_other() -> None:
     prepared = POLICY.prepare(straight(0.0), bent(0.05))
     states = jnp.stack([jnp.asarray(straight(y)) for y in (0.0, 0.03)])
-    both, second = act(prepared, Now.at_rest(states)), act(prepared, Now.at_rest(states[1:]))
+    both, second = act(prepared, PlanningState.at_rest(states)), act(prepared, PlanningState.at_rest(states[1:]))
     np.testing.assert_allclose(both[1], second[0], atol=1e-5)
 
 

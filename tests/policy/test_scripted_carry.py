@@ -9,7 +9,7 @@ from app.config import Site
 from app.core.motion import pointing_down
 from app.core.types import Points, ToolPose
 from app.planner.actions.carry_actions import Carries
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.scripted_carry import ScriptedCarry
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import load
@@ -30,7 +30,7 @@ def hand(x_m: float, y_m: float, z_m: float, opening_m: float) -> ToolPose:
 
 
 def action(x: Points, tool: ToolPose) -> np.ndarray:
-    here = Now.at_rest(jnp.asarray(x)[None], tool)
+    here = PlanningState.at_rest(jnp.asarray(x)[None], tool)
     return np.asarray(project(act(POLICY.prepare(x, GOAL), here), here))[0]
 
 

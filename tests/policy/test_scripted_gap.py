@@ -7,7 +7,7 @@ import pytest
 
 from app.core.types import Points
 from app.evaluation.demonstrate import demonstrations
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.scripted_gap import fitted
 from app.tasks import load
 from app.tasks.curves import fill_tube
@@ -25,7 +25,7 @@ def rod(x: float, y: float, heading: float) -> Points:
 
 def pushed(x: Points) -> np.ndarray:
     """The policy's push as waypoints (21, 2) [m]."""
-    action = np.asarray(act(None, Now.at_rest(jnp.asarray(x)[None])))[0]
+    action = np.asarray(act(None, PlanningState.at_rest(jnp.asarray(x)[None])))[0]
     return action[:2] + np.concatenate([np.zeros((1, 2)), action[2:].reshape(-1, 2).cumsum(0)])
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from app.core.motion import pointing_down
 from app.planner.actions.pour_actions import tilt, up_of
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.scripted_pour import ScriptedPour
 from app.tasks import load
 
@@ -19,7 +19,7 @@ def way(start: tuple[float, float, float]) -> np.ndarray:
     """The tool's poses before each of the policy's actions, and at the end."""
     prepared, poses = POLICY.prepare(GOAL, GOAL), [pointing_down(np.array(start))]
     for _ in range(TASK.horizon):
-        now = Now.at_rest(jnp.zeros((1, 1, 3)), poses[-1])
+        now = PlanningState.at_rest(jnp.zeros((1, 1, 3)), poses[-1])
         action = TASK.actions.project(POLICY.act(prepared, now).mean, now)
         poses.append(np.asarray(TASK.actions.after(action, now.tool)[0], np.float64))
     return np.array(poses)
@@ -52,6 +52,6 @@ def test_it_is_tilted_further_than_it_is_carried_only_with_its_lip_over_the_targ
 
 def test_the_target_decides_where_it_goes() -> None:
     other = ScriptedPour(radius_m=POLICY.radius_m, height_m=POLICY.height_m, short_m=0.0)
-    now = Now.at_rest(jnp.zeros((1, 1, 3)), pointing_down(np.array([0.4, 0.0, 0.2])))
+    now = PlanningState.at_rest(jnp.zeros((1, 1, 3)), pointing_down(np.array([0.4, 0.0, 0.2])))
     left, right = (other.act(other.prepare(GOAL, GOAL + np.float32([0, y, 0])), now).mean[0, 1] for y in (0.05, -0.05))
     assert float(left) > 0 > float(right)

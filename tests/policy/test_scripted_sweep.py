@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.scripted_sweep import ScriptedSweep
 from app.tasks import load
 
@@ -28,7 +28,7 @@ def heap(middle: np.ndarray, count: int = 60, spread_m: float = 0.015) -> np.nda
 
 def stroke(x: np.ndarray) -> np.ndarray:
     prepared = POLICY.prepare(x, TASK.goal(0, len(x)))
-    return np.asarray(act(prepared, Now.at_rest(jnp.asarray(x)[None])))[0]
+    return np.asarray(act(prepared, PlanningState.at_rest(jnp.asarray(x)[None])))[0]
 
 
 @settings(max_examples=20)
@@ -73,7 +73,7 @@ def test_beans_in_the_goal_already_do_not_attract_the_paddle() -> None:
 def test_candidates_do_not_see_each_other() -> None:
     xs = [heap(MIDDLE + np.array(offset)) for offset in ([0.2, 0.0], [0.0, 0.2], [-0.15, 0.1])]
     prepared = POLICY.prepare(xs[0], TASK.goal(0, len(xs[0])))
-    together = act(prepared, Now.at_rest(jnp.stack([jnp.asarray(x) for x in xs])))
+    together = act(prepared, PlanningState.at_rest(jnp.stack([jnp.asarray(x) for x in xs])))
     for x, action in zip(xs, np.asarray(together), strict=True):
         np.testing.assert_allclose(action, stroke(x), atol=1e-6)
 
@@ -81,5 +81,5 @@ def test_candidates_do_not_see_each_other() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_it_proposes_for_a_spill_may_be_made_after_projection(seed: int) -> None:
     x = TASK.particles(TASK.start(seed), 300)
-    now = Now.at_rest(jnp.asarray(x)[None])
+    now = PlanningState.at_rest(jnp.asarray(x)[None])
     assert TASK.actions.allowed(TASK.actions.project(jnp.asarray(stroke(x))[None], now), now)[0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.planner.search.tree import first_action
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.symmetry import Isometry, Symmetry
 from app.tasks import load, names
 from tests.programs import program
@@ -75,7 +75,7 @@ def test_the_scripted_expert_does_alike_what_is_moved_by_a_symmetry_of_its_task(
     # Some experts try directions a quarter turn, and parts of that, apart.
     quarters = replace(task.symmetry, turns=False, angles_rad=QUARTERS) if task.symmetry.turns else task.symmetry
     by = drawn(6, quarters)
-    here = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)))._replace(tool=tool)
+    here = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)))._replace(tool=tool)
     wanted = program(task.actions.moved)(first_action(task.policy, task.policy.prepare(x, goal), here), by)
     found = [_acted(task, np.asarray(by.places(here.x))[one], goal, by, one, tool) for one in range(COUNT)]
     same = np.linalg.norm(np.concatenate(found) - np.asarray(wanted), axis=1)
@@ -86,5 +86,5 @@ def test_the_scripted_expert_does_alike_what_is_moved_by_a_symmetry_of_its_task(
 def _acted(task, x: np.ndarray, goal: np.ndarray, by: Isometry, one: int, tool) -> np.ndarray:
     here = Isometry(*(each[one : one + 1] for each in by))
     moved = np.asarray(here.places(jnp.asarray(goal)[None]))[0]
-    now = Now.at_rest(jnp.asarray(x)[None])._replace(tool=here.poses(tool[one : one + 1]))
+    now = PlanningState.at_rest(jnp.asarray(x)[None])._replace(tool=here.poses(tool[one : one + 1]))
     return np.asarray(first_action(task.policy, task.policy.prepare(x, moved), now))

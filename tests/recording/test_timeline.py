@@ -15,14 +15,14 @@ from app.core.errors import RecordingError, UsageError
 from app.core.messages import Decision, Episode, Executed, Frame, Message, Notice, Proposal, Transition
 from app.recording.library.recover import recover
 from app.recording.read.timeline import Timeline, open_timeline
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from tests.recording.demonstrations import PUSHES, demonstration
 from tests.recording.samples import Maker, Recording, record, same
 
 
-def folded(messages: list[Message], board: Board | None = None) -> Board:
+def folded(messages: list[Message], board: ConsoleState | None = None) -> ConsoleState:
     """But for the ids of plans that are gone, and for former colours: in a replay nobody goes back to those."""
-    known = reduce(Board.after, messages, board or Board(replay=True))
+    known = reduce(ConsoleState.after, messages, board or ConsoleState(replay=True))
     return replace(known, decided=(), colours=known.colours[-1:])
 
 

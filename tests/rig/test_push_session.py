@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.policy.random_pushes import REGION, PushDesign
-from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import BEGIN_S, SLOT_S, PushSample, first_end, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
@@ -14,7 +14,7 @@ TASK = load("rope_push")
 PLAN = PushDesign(episodes=2, pushes=2, speeds_m_s=(0.15, 0.30), lengths_m=(0.06, 0.08))
 
 
-def takes(*hidden: Injected, seed: int = 1, plan: PushDesign = PLAN) -> list[PushSample]:
+def takes(*hidden: InjectedEffect, seed: int = 1, plan: PushDesign = PLAN) -> list[PushSample]:
     return list(rehearse(TASK, plan, WorldPhysics(), hidden, seed))
 
 

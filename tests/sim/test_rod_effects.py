@@ -12,7 +12,7 @@ import pytest
 import warp as wp
 
 from app.core.errors import ParameterError
-from app.sim.effects.base import Grain, Node
+from app.sim.effects.base import NodeContext, ParticleContext
 from app.sim.model.catalogue import discover
 from app.sim.model.params import rod_parameters_of
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
@@ -258,7 +258,7 @@ def at_nodes(name: str, hook: str, phi: np.ndarray, x: np.ndarray, v: np.ndarray
         values: wp.array[Value], x: wp.array[wp.vec3], v: wp.array[wp.vec3], phi: wp.array[Phi], out: wp.array[Value]
     ):
         i = wp.tid()
-        node = Node()
+        node = NodeContext()
         node.x = x[i]
         node.v = v[i]
         node.dt = wp.static(THIN.dt_s)
@@ -348,7 +348,7 @@ def of_particles(name: str, hook: str, phi: np.ndarray, s: np.ndarray) -> np.nda
     @wp.kernel(module="unique", enable_backward=False)
     def changed(s: wp.array[float], phi: wp.array[Phi], out: wp.array[float]):
         i = wp.tid()
-        grain = Grain()
+        grain = ParticleContext()
         grain.label = wp.vec4(s[i], 0.0, 0.0, 0.0)
         grain.time = wp.static(TIME)
         out[i] = function(wp.static(1.0), grain, phi[i], 0)

@@ -11,7 +11,7 @@ from app.config import Site
 from app.core.geometry.chamfer import chamfer_m2
 from app.perception.reconstruct import reconstruct
 from app.planner.search.tree import first_action
-from app.policy.base import AWAY, Now
+from app.policy.base import AWAY, PlanningState
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
@@ -97,7 +97,7 @@ def test_random_actions_are_allowed_stay_in_the_site_and_end_where_they_say(name
     drawn = actions.sample(np.random.default_rng(0), x, tool, 8)
     assert drawn.shape == (8, actions.size)
     assert actions.scale().shape == (actions.size,)
-    now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), tool)
+    now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), tool)
     project, allowed = program(actions.project), program(actions.allowed)
     projected = project(jnp.asarray(drawn), now)
     assert np.asarray(allowed(projected, now)).sum() >= 6
@@ -131,7 +131,7 @@ def test_the_experts_action_is_allowed_and_the_same_action_gives_the_same_world(
     for _ in range(2):
         cell = LockStep(task.stage, task.start(SEED), Site(), SEED)
         x, goal, tool = task.particles(cell.nodes(), count), task.goal(SEED, count), cell.tool
-        now = Now.at_rest(jnp.asarray(x)[None], tool)
+        now = PlanningState.at_rest(jnp.asarray(x)[None], tool)
         action = program(task.actions.project)(first_action(task.policy, task.policy.prepare(x, goal), now), now)
         assert bool(program(task.actions.allowed)(action, now)[0])
         executed = cell.execute(task.actions.motion(np.asarray(action)[0], tool, Site()))
@@ -161,6 +161,6 @@ def test_where_a_tool_is_away_actions_that_begin_anywhere_may_be_made(name: str)
     task, site = load(name), Site()
     x = task.goal(0, 100)
     drawn = task.actions.sample(np.random.default_rng(0), x, AWAY, 8)
-    now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), AWAY)
+    now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), AWAY)
     for action in np.asarray(program(task.actions.project)(jnp.asarray(drawn), now)):
         assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)

@@ -20,7 +20,7 @@ from app.core.motion import Motion
 from app.core.types import Path3, Points
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 from app.policy.base import AWAY
 from app.sim.model.params import acting, index
 from app.tasks import jit_cache as compiled
@@ -80,7 +80,7 @@ CASES: dict[str, tuple[World, Model | None]] = {
 @cache
 def planner(tilted: bool) -> TreePlanner:
     advance = compiled.carried("rope_push", PARTICLES, acting(World(tilt_deg=float(tilted)).phi))
-    search = Search(space=SPACE, policy=TASK.policy, weights=TASK.weights, advance=advance, branches=6, depth=1)
+    search = TreeConfig(space=SPACE, policy=TASK.policy, weights=TASK.weights, advance=advance, branches=6, depth=1)
     return TreePlanner(search=search, descent=TASK.descent, gradient_steps=8)
 
 

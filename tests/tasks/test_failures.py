@@ -13,7 +13,7 @@ from app.config import Site
 from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 from app.sim.diagnosis.dump import load_dump
 from app.sim.diagnosis.failure_diagnosis import dissect
 from app.sim.diagnosis.rod_failure_diagnosis import RodCase, dissect_rod
@@ -43,7 +43,7 @@ def breaking(phi: jax.Array, state: State, tool: jax.Array) -> State:
     return state._replace(x=state.x.at[BAD].set(jnp.nan))
 
 
-def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
+def of_plan(tree: TreeConfig, folder: Path, seed: int = 0) -> str:
     asked = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI, seed=seed, site=Site(recordings=folder))
     return failures.of_plan("rope_push", tree, asked)
 

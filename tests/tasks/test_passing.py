@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.types import Points
-from app.policy.base import AWAY, Now
+from app.policy.base import AWAY, PlanningState
 from app.sim.tools.box import WallsWithGap
 from app.tasks import load
 from app.tasks.rod_to_rope import FINGER, KEEP_OUT_M, ROPE, WALL
@@ -72,14 +72,14 @@ def test_the_lesson_is_the_same_task_with_a_rod() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_projected_pushes_keep_the_finger_off_the_walls_along_the_whole_way(seed: int) -> None:
-    now = Now.at_rest(jnp.repeat(jnp.asarray(seen(seed))[None], 32, axis=0))
+    now = PlanningState.at_rest(jnp.repeat(jnp.asarray(seen(seed))[None], 32, axis=0))
     pushes = SPACE.project(wild(seed), now)
     assert not within(fine(ways(np.asarray(pushes))), FINGER.radius_m).any()
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_walls_change_nothing_of_pushes_that_keep_off_them(seed: int) -> None:
-    now = Now.at_rest(jnp.repeat(jnp.asarray(seen(seed))[None], 32, axis=0))
+    now = PlanningState.at_rest(jnp.repeat(jnp.asarray(seen(seed))[None], 32, axis=0))
     free = np.asarray(replace(SPACE, keep_out=()).project(wild(seed), now))
     low, high = np.array(SPACE.region[:2]) + 1e-3, np.array(SPACE.region[2:]) - 1e-3
     inside = np.all((ways(free) > low) & (ways(free) < high), axis=(1, 2))
@@ -91,11 +91,11 @@ def test_walls_change_nothing_of_pushes_that_keep_off_them(seed: int) -> None:
 def test_a_push_into_a_wall_is_not_allowed_and_one_through_the_gap_is() -> None:
     x = jnp.repeat(jnp.asarray(seen(0))[None], 2, axis=0)
     into, through = ([0.70, y, *[-0.008, 0.0] * 20] for y in (0.20, 0.0))
-    np.testing.assert_array_equal(SPACE.allowed(jnp.asarray([into, through]), Now.at_rest(x)), [False, True])
+    np.testing.assert_array_equal(SPACE.allowed(jnp.asarray([into, through]), PlanningState.at_rest(x)), [False, True])
 
 
 def test_random_pushes_may_be_made() -> None:
     x = seen(1)
     actions = SPACE.sample(np.random.default_rng(0), x, AWAY, 16)
-    now = Now.at_rest(jnp.repeat(jnp.asarray(x)[None], 16, axis=0))
+    now = PlanningState.at_rest(jnp.repeat(jnp.asarray(x)[None], 16, axis=0))
     assert np.all(SPACE.allowed(SPACE.project(jnp.asarray(actions), now), now))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy
 from app.tasks import load, names
@@ -32,7 +32,7 @@ def test_its_first_actions_bring_objects_nearer_to_their_goals(name: str) -> Non
     count = task.preset("cpu").particle_count
     x = np.stack([task.particles(task.start(seed), count) for seed in range(PROBLEMS)])
     goals = np.stack([task.goal(seed, count) for seed in range(PROBLEMS)])
-    now = Now.at_rest(jnp.asarray(x))
+    now = PlanningState.at_rest(jnp.asarray(x))
     actions = task.actions.project(acted(policy, x, goals), now)
     world = simulator(task, nominal_model(name), count)
     phi = jnp.tile(jnp.array(world.phi), (PROBLEMS, 1))
@@ -46,5 +46,5 @@ def test_its_first_actions_bring_objects_nearer_to_their_goals(name: str) -> Non
 def acted(policy: LearnedPolicy, x: np.ndarray, goals: np.ndarray) -> jax.Array:
     """Actions of the policy, one for each situation."""
     act, each = jax.jit(policy.act), zip(x, goals, strict=True)
-    made = [act(policy.prepare(one, goal), Now.at_rest(jnp.asarray(one)[None])).mean for one, goal in each]
+    made = [act(policy.prepare(one, goal), PlanningState.at_rest(jnp.asarray(one)[None])).mean for one, goal in each]
     return jnp.concatenate(made)

@@ -8,7 +8,7 @@ import pytest
 
 from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, prepare
 from app.tasks import load
 from app.tasks.base import Task
@@ -33,8 +33,8 @@ def pushes_across(task: Task) -> Study:
         place = np.stack([ahead, np.full(len(times), share * rope.length_m), height], axis=1)
         turned = np.tile([0.0, 1.0, 0.0, 0.0], (len(times), 1))
         track = Track(times_s=100 * number + times, poses=np.concatenate([place, turned], axis=1))
-        before = View(time_s=100 * number - 0.1, points=x)
-        after = View(time_s=track.end_s + 0.5, points=x)
+        before = ProjectionView(time_s=100 * number - 0.1, points=x)
+        after = ProjectionView(time_s=track.end_s + 0.5, points=x)
         made.append(Push(episode=number, before=before, during=(), after=after, command=track, measured=track))
     return Study(task="rope_push", pushes=tuple(made))
 

@@ -12,18 +12,18 @@ from app.core.dialogue import words
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Message
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from tests.ui import synthetic
 
 
-def board_after(*messages: Message) -> Board:
-    board = Board()
+def board_after(*messages: Message) -> ConsoleState:
+    board = ConsoleState()
     for message in messages:
         board = board.after(message)
     return board
 
 
-def all_cards(board: Board) -> str:
+def all_cards(board: ConsoleState) -> str:
     now_s = board.health.time_s if board.health else 0.0
     dated = (cards.mode, cards.plan, cards.health, cards.log)
     return "".join(card(board, now_s) for card in dated) + cards.episode(board)
@@ -125,7 +125,7 @@ def test_a_distance_is_the_drift_that_moves_every_point_by_that_much():
 
 
 def test_the_mode_card_names_the_mode_for_scripts_and_a_page_its_key():
-    assert "teleoperate" not in cards.mode(Board(), 0.0)
+    assert "teleoperate" not in cards.mode(ConsoleState(), 0.0)
     assert 'data-mode="teleoperate"' in cards.mode(board_after(synthetic.mode("teleoperate")), 0.0)
     assert 'data-key="abc-_"' in cards.you("client 0", "abc-_")
     assert "data-key" not in cards.you("client 0")

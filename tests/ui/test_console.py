@@ -20,11 +20,11 @@ from app.core.dialogue.control import Lease
 from app.core.errors import PreflightError
 from app.core.messages import Decision, StopRequest
 from app.ui import Console, open_console
-from app.ui.jog_socket import Hand
+from app.ui.jog_socket import JogHandler
 from app.ui.server.access import Access
 from app.ui.server.page import Cell, Page
 from app.ui.server.proxy import Proxy, listen
-from app.ui.server.viser_host import PROXY_HEADER, Backstage
+from app.ui.server.viser_host import PROXY_HEADER, ViserHost
 from tests.ui import synthetic
 
 pytestmark = pytest.mark.anyio
@@ -51,7 +51,7 @@ class Opened:
 
 
 @asynccontextmanager
-async def opened(*, cell: Cell = "simulated", hand: Hand | None = None) -> AsyncIterator[Opened]:
+async def opened(*, cell: Cell = "simulated", hand: JogHandler | None = None) -> AsyncIterator[Opened]:
     stopped = threading.Event()
     async with (
         open_console(
@@ -154,8 +154,8 @@ async def test_the_websocket_carries_what_is_shown():
 
 
 @asynccontextmanager
-async def backstage() -> AsyncIterator[Backstage]:
-    stage = await anyio.to_thread.run_sync(lambda: Backstage(label="test", passphrase="open sesame"))
+async def backstage() -> AsyncIterator[ViserHost]:
+    stage = await anyio.to_thread.run_sync(lambda: ViserHost(label="test", passphrase="open sesame"))
     stage.server.gui.add_markdown("the secret of the cell")
     try:
         yield stage

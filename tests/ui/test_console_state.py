@@ -7,12 +7,12 @@ import pytest
 
 from app.core.colours import ColourRange
 from app.core.messages import ArmMode, Decision, Fault, Message, ResumeRequest, StopRequest, fresh_id
-from app.ui.parts.console_state import LOG_LENGTH, Board
+from app.ui.parts.console_state import LOG_LENGTH, ConsoleState
 from tests.ui import synthetic
 
 
-def board_after(*messages: Message) -> Board:
-    board = Board()
+def board_after(*messages: Message) -> ConsoleState:
+    board = ConsoleState()
     for message in messages:
         board = board.after(message)
     return board

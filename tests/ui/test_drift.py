@@ -9,7 +9,7 @@ import pytest
 from app.config import Timing
 from app.core.dialogue.approval import drift
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.drift import DriftMeter, Moved
 from tests.ui import synthetic
 
@@ -19,7 +19,7 @@ PROPOSAL = synthetic.proposal(synthetic.rope(0.5))
 def test_it_is_what_the_gate_will_look_at_while_a_plan_is_pending_and_nothing_otherwise() -> None:
     since = DriftMeter(Timing()).since
     moved = synthetic.particles(synthetic.rope(0.5, centre=(0.556, 0.0)))
-    board = Board().after(moved)
+    board = ConsoleState().after(moved)
     assert math.isnan(since(board).drift_m)
     board = board.after(PROPOSAL)
     expected_m = drift(PROPOSAL.observed, moved.positions)
@@ -34,7 +34,7 @@ def test_it_is_what_the_gate_will_look_at_while_a_plan_is_pending_and_nothing_ot
 @pytest.mark.parametrize(("drift_m", "tone"), [(0.001, ""), (0.005, "dp-warn"), (0.009, "dp-bad"), (np.nan, None)])
 def test_the_card_says_how_much_of_what_is_allowed(drift_m: float, tone: str | None) -> None:
     moved = Moved(drift_m=float(drift_m), max_drift_m=0.008, max_age_s=300.0)
-    shown = cards.plan(Board().after(PROPOSAL), PROPOSAL.time_s + 12, moved)
+    shown = cards.plan(ConsoleState().after(PROPOSAL), PROPOSAL.time_s + 12, moved)
     assert "12 s <small>of 5 min 0 s" in shown
     if tone is None:
         assert "Object moved since" not in shown
@@ -46,7 +46,7 @@ def test_the_card_says_how_much_of_what_is_allowed(drift_m: float, tone: str | N
 
 def test_why_a_plan_came_to_nothing_stays_on_its_card_until_the_next() -> None:
     said = replace(synthetic.notice("approval", "The object has moved by 12 mm <since>."), cause=(PROPOSAL.id,))
-    board = Board().after(PROPOSAL).after(said)
+    board = ConsoleState().after(PROPOSAL).after(said)
     for index in range(20):
         board = board.after(synthetic.notice("planner", f"something else {index}"))
     assert "The object has moved by 12 mm &lt;since&gt;." in cards.plan(board, 0.0)

@@ -11,7 +11,7 @@ from app.core.dialogue import words
 from app.core.dialogue.model_monitor_messages import Blamed, Verdict, Watched
 from app.core.messages import Transition, fresh_id
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.tabs import model_monitor_panel as doubt
 from tests.ui import synthetic
 from tests.ui.test_console_state import board_after
@@ -64,12 +64,12 @@ VERDICT = Verdict(
     ],
 )
 def test_the_card_says_how_the_model_does(watched: Watched | None, says: str) -> None:
-    assert says in doubt.watch(Board(watched=watched))
+    assert says in doubt.watch(ConsoleState(watched=watched))
 
 
 def test_what_the_model_promised_is_said_where_it_promised_something() -> None:
-    assert "promised" in doubt.watch(Board(watched=WATCHED))
-    assert "promised" not in doubt.watch(Board(watched=replace(WATCHED, promised_m=float("nan"))))
+    assert "promised" in doubt.watch(ConsoleState(watched=WATCHED))
+    assert "promised" not in doubt.watch(ConsoleState(watched=replace(WATCHED, promised_m=float("nan"))))
 
 
 def test_the_verdict_shows_its_own_causes_first_and_each_once() -> None:
@@ -82,7 +82,7 @@ def test_the_verdict_shows_its_own_causes_first_and_each_once() -> None:
 
 
 def test_without_a_verdict_the_tab_says_how_to_get_one() -> None:
-    assert "dipac console --case" in doubt.verdict(Board())
+    assert "dipac console --case" in doubt.verdict(ConsoleState())
 
 
 @given(st.text(min_size=1))
@@ -93,7 +93,7 @@ def test_no_word_of_a_verdict_or_a_watch_becomes_markup(text: str) -> None:
         VERDICT, sentences=(hostile,), causes=(cause,), ranking=(cause,), next_push=hostile, source=hostile
     )
     watched = replace(WRONG, suspicions=(hostile,), advice=hostile)
-    board = Board(watched=watched, verdict=verdict)
+    board = ConsoleState(watched=watched, verdict=verdict)
     assert "<img" not in doubt.watch(board) + doubt.verdict(board)
 
 

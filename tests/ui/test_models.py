@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.core.messages import Model, Parameter
-from app.ui.parts.console_state import Board, Made
+from app.ui.parts.console_state import ConsoleState, Made
 from app.ui.tabs import models
 from app.ui.tabs.modelling import course, label
 from tests.ui import synthetic
@@ -54,7 +54,7 @@ def test_the_table_has_value_unit_interval_and_the_change_since_the_version_befo
     assert "+50 %" in html
     assert "2.4e+04 to 3.6e+04" in html
     assert "friction" not in html
-    assert models.parameters(Board(), rows=()) == ""
+    assert models.parameters(ConsoleState(), rows=()) == ""
 
 
 def test_the_summary_says_the_version_its_source_its_error_and_whether_another_is_being_made():
@@ -65,7 +65,7 @@ def test_the_summary_says_the_version_its_source_its_error_and_whether_another_i
     learning = board.after(replace(synthetic.health(), calibrating=True))
     assert "Calibrating now" in models.summary(learning)
     assert "the task's own guess" in models.summary(board_after(synthetic.model(0, float("nan"))))
-    assert "No model yet" in models.summary(Board())
+    assert "No model yet" in models.summary(ConsoleState())
 
 
 @pytest.mark.parametrize(("other", "said"), [(2.2e4, "intervals overlap"), (6e4, "intervals apart")])
@@ -95,7 +95,7 @@ def test_the_last_motion_is_told_in_numbers_and_drawn_from_above():
     assert "3.4 mm <small>of 22.0 mm moved" in html
     assert "To the goal, seen" in html
     assert html.count("<g ") == 3
-    assert "After the first motion" in models.last_motion(Board())
+    assert "After the first motion" in models.last_motion(ConsoleState())
 
 
 def test_from_above_the_table_s_x_is_up_and_its_y_left():

@@ -9,7 +9,7 @@ import numpy as np
 from app.core.dialogue.control import Lease
 from app.core.dialogue.requests import ColourRequest, EditRequest, ModelRequest
 from app.core.messages import Decision, Fault, Notice, ResumeRequest, StopRequest, fresh_id
-from app.ui.parts.operator_controller import Desk, Request
+from app.ui.parts.operator_controller import OperatorController, Request
 from tests.ui import synthetic
 
 ENDS = np.array([0.4, -0.1, 0.006]), np.array([0.5, -0.1, 0.006])
@@ -22,7 +22,7 @@ class Program:
     def __init__(self) -> None:
         self.heard: list[Request | str] = []
         ticks = itertools.count()
-        self.desk = Desk(
+        self.desk = OperatorController(
             stop=lambda: self.heard.append("arm stopped"), post=self.heard.append, now=lambda: float(next(ticks))
         )
 
@@ -44,7 +44,7 @@ class Program:
 def test_a_press_on_stop_reaches_the_arm_first_and_in_its_own_thread():
     threads: list[int] = []
     posted: list[Request] = []
-    desk = Desk(stop=lambda: threads.append(threading.get_ident()), post=posted.append)
+    desk = OperatorController(stop=lambda: threads.append(threading.get_ident()), post=posted.append)
     thread = threading.Thread(target=desk.stop, args=("me",))
     thread.start()
     thread.join()
@@ -57,7 +57,7 @@ def test_a_stop_that_fails_is_not_reported_as_one():
         raise OSError("the arm's process is gone")
 
     posted: list[Request] = []
-    desk = Desk(stop=broken, post=posted.append)
+    desk = OperatorController(stop=broken, post=posted.append)
     try:
         desk.stop("me")
     except OSError:
@@ -319,7 +319,7 @@ def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing
 def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
     now_s = 0.0
     posted: list[Request] = []
-    desk = Desk(stop=lambda: None, post=posted.append, now=lambda: now_s)
+    desk = OperatorController(stop=lambda: None, post=posted.append, now=lambda: now_s)
     desk.take("me")
     desk.show(synthetic.mode("teleoperate"))
     now_s = 50.0
@@ -334,7 +334,7 @@ def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
 
 def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_shown():
     posted, stopped = list[object](), list[str]()
-    desk = Desk(stop=lambda: stopped.append("stop"), post=posted.append, replay=True)
+    desk = OperatorController(stop=lambda: stopped.append("stop"), post=posted.append, replay=True)
     for message in synthetic.scene():
         desk.show(message)
     pending = desk.board.pending

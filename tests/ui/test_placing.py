@@ -11,7 +11,7 @@ from app.core.dialogue.requests import CalibrationRequest
 from app.core.geometry.hand_eye import Spread
 from app.core.messages import fresh_id
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.placing import cards
 from tests.ui import synthetic
 from tests.ui.conftest import Served
@@ -75,7 +75,7 @@ def test_before_there_is_a_result_nothing_is_made_up() -> None:
 
 
 def test_what_the_camera_sees_is_said_and_drawn() -> None:
-    board = Board().after(placing()).after(seen())
+    board = ConsoleState().after(placing()).after(seen())
     assert "24 corners at 0.51 m" in cards.live(board)
     assert "not in the image" in cards.live(board.after(seen(0, "The board is not in the image.")))
     image = np.zeros((480, 640, 3), np.uint8)
@@ -87,7 +87,7 @@ def test_what_the_camera_sees_is_said_and_drawn() -> None:
 
 def test_no_words_from_outside_become_markup() -> None:
     hostile = "<img src=x onerror=alert(1)>"
-    board = Board().after(placing(said=hostile, camera=hostile, kept_at=hostile)).after(seen(0, hostile))
+    board = ConsoleState().after(placing(said=hostile, camera=hostile, kept_at=hostile)).after(seen(0, hostile))
     assert "<img" not in cards.live(board)
     assert "<img" not in cards.result(board.placing, TODAY)
 

@@ -2,28 +2,28 @@
 
 import threading
 
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
-from app.ui.view.render_loop import Painter
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
+from app.ui.view.render_loop import RenderLoop
 from tests.ui import synthetic
 
 
-def desk() -> Desk:
-    return Desk(stop=lambda: None, post=lambda request: None)
+def desk() -> OperatorController:
+    return OperatorController(stop=lambda: None, post=lambda request: None)
 
 
 def test_a_slow_painter_delays_nobody_and_paints_the_newest():
-    table, allowed, painted = desk(), threading.Event(), list[Board]()
+    table, allowed, painted = desk(), threading.Event(), list[ConsoleState]()
     newest = threading.Event()
 
-    def paint(board: Board, _: float) -> None:
+    def paint(board: ConsoleState, _: float) -> None:
         allowed.wait(10)
         painted.append(board)
         if board.particles is last:
             newest.set()
 
     last = synthetic.particles(synthetic.rope(0.1))
-    painter = Painter(table, paint)
+    painter = RenderLoop(table, paint)
     painter.start()
     for _ in range(1000):
         table.show(synthetic.arm())
@@ -37,11 +37,11 @@ def test_a_slow_painter_delays_nobody_and_paints_the_newest():
 def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog):
     table, strokes = desk(), threading.Semaphore(0)
 
-    def paint(board: Board, _: float) -> None:
+    def paint(board: ConsoleState, _: float) -> None:
         strokes.release()
         raise ValueError("no such colour")
 
-    painter = Painter(table, paint)
+    painter = RenderLoop(table, paint)
     painter.start()
     for _ in range(3):
         assert strokes.acquire(timeout=10)
@@ -52,4 +52,4 @@ def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog)
 
 
 def test_a_painter_that_never_began_can_be_closed():
-    Painter(desk(), lambda board, now_s: None).close()
+    RenderLoop(desk(), lambda board, now_s: None).close()

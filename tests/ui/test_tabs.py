@@ -11,8 +11,8 @@ from viser import ViserServer
 from app.config import Limits
 from app.core.dialogue.requests import Request
 from app.ui.parts import palette
-from app.ui.parts.operator_controller import Desk
-from app.ui.server.viser_host import Backstage
+from app.ui.parts.operator_controller import OperatorController
+from app.ui.server.viser_host import ViserHost
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.modelling import Versions, label
 from app.ui.view.scene import ConsoleScene
@@ -27,14 +27,14 @@ LEFT = synthetic.frame(synthetic.camera("left", -1.0), synthetic.rope(0.5))
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = Backstage(label="test", passphrase="x")
+    backstage = ViserHost(label="test", passphrase="x")
     yield backstage.server
     backstage.close()
 
 
-def desk() -> Desk:
+def desk() -> OperatorController:
     posted: list[Request] = []
-    return Desk(stop=lambda: None, post=posted.append)
+    return OperatorController(stop=lambda: None, post=posted.append)
 
 
 def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: ViserServer, tmp_path: Path):

@@ -7,8 +7,8 @@ from viser import ViserServer
 
 from app.core.colours import ColourRange
 from app.core.dialogue.requests import Request
-from app.ui.parts.operator_controller import Desk
-from app.ui.server.viser_host import Backstage
+from app.ui.parts.operator_controller import OperatorController
+from app.ui.server.viser_host import ViserHost
 from app.ui.tabs.tuning import Tuning
 from tests.ui import synthetic
 from tests.ui.test_console_state import board_after
@@ -21,7 +21,7 @@ RED = ColourRange(hue_low_deg=340.0, hue_high_deg=20.0, saturation_low=0.4, valu
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = Backstage(label="test", passphrase="x")
+    backstage = ViserHost(label="test", passphrase="x")
     yield backstage.server
     backstage.close()
 
@@ -29,7 +29,7 @@ def server() -> Iterator[ViserServer]:
 @pytest.fixture
 def tuning(server: ViserServer) -> Tuning:
     posted: list[Request] = []
-    return Tuning(server.gui, Desk(stop=lambda: None, post=posted.append))
+    return Tuning(server.gui, OperatorController(stop=lambda: None, post=posted.append))
 
 
 def test_the_sliders_follow_what_is_in_use_also_through_red(tuning: Tuning):

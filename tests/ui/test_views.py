@@ -10,8 +10,8 @@ from viser import ViserServer
 
 from app.core.colours import colour_mask
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
-from app.ui.server.viser_host import Backstage
+from app.ui.parts.console_state import ConsoleState
+from app.ui.server.viser_host import ViserHost
 from app.ui.view import overlays as masks
 from app.ui.view import views
 from app.ui.view.clouds import SURFACE, Clouds, readings
@@ -26,7 +26,7 @@ REAL = replace(synthetic.episode(), simulated=False)
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = Backstage(label="test", passphrase="x")
+    backstage = ViserHost(label="test", passphrase="x")
     yield backstage.server
     backstage.close()
 
@@ -79,7 +79,7 @@ def test_a_camera_s_card_has_pixels_points_distance_and_whether_its_picture_is_l
     late = views.camera(board, LEFT, LEFT.time_s + 7.0, today=TODAY, previewed=0)
     assert '<span class="dp-warn">7.0 s old</span>' in late
     assert 'Pixels in preview</td><td><span class="dp-warn">0</span>' in late
-    assert "Pixels of the object" not in views.camera(Board(), LEFT, LEFT.time_s, today=TODAY)
+    assert "Pixels of the object" not in views.camera(ConsoleState(), LEFT, LEFT.time_s, today=TODAY)
 
 
 def test_cameras_that_disagree_are_warned_of():
@@ -87,7 +87,7 @@ def test_cameras_that_disagree_are_warned_of():
     assert "300" in agreeing
     assert "dp-warn" not in agreeing
     assert "calibrate the camera" in views.summary(board_after(synthetic.seen(LEFT, RIGHT, apart_m=0.0052)))
-    assert "dp-warn" not in views.summary(Board())
+    assert "dp-warn" not in views.summary(ConsoleState())
 
 
 def test_the_masked_pixels_are_tinted_their_outline_is_drawn_and_the_rest_stays():

@@ -28,7 +28,7 @@ class Joint:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Limb:
+class LinkCapsule:
     """A capsule [m] in the frame of link `link`: link 0 is fixed, and joint k moves link k."""
 
     link: int
@@ -43,7 +43,7 @@ class ArmShape:
     """The joints in order, the capsules, the tool (held, or the hand itself), and the pose of the arm's base."""
 
     joints: tuple[Joint, ...]
-    limbs: tuple[Limb, ...]
+    limbs: tuple[LinkCapsule, ...]
     tool: Tool
     T_world_base: Transform = field(default_factory=lambda: np.eye(4))
 
@@ -59,7 +59,7 @@ class ArmShape:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Posture:
+class JointState:
     """Configuration of an arm: its joint angles, and the pose and opening of its tool."""
 
     joints: JointAngles

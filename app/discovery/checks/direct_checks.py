@@ -8,7 +8,7 @@ from scipy.stats import t as student
 
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.sensitivity import change_of, switch_of
 from app.discovery.results.case import Check
 
@@ -17,7 +17,7 @@ _ARM_M = 0.3
 _DEGREE = np.pi / 180
 
 
-def direct_checks(predictor: Predictor, trials: Trials, about: Theta) -> tuple[Check, ...]:
+def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -> tuple[Check, ...]:
     """Direct checks that these recordings allow; the arm's log and the finger against the model's arm and cameras."""
     catalogue = predictor.catalogue
     asked = ("command_delay", "under_reach", "camera_time_offset")

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.discovery.residuals.predict import Trials
+from app.discovery.residuals.predict import SimulationBatch
 from app.discovery.results.case import FrameTest
 
 _DRAWS = 250
@@ -17,7 +17,7 @@ Means: TypeAlias = Float64[np.ndarray, "K 2"]
 
 
 def frame_tests(
-    trials: Trials, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]
+    trials: SimulationBatch, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]
 ) -> tuple[FrameTest, ...]:
     """The share of the mean residuals' square that is constant in each frame, with a bootstrap over episodes."""
     means, episode = arrows.mean(1), np.array([push.episode for push in trials.study.pushes])
@@ -79,7 +79,7 @@ def _constant(turned: Means) -> Share:
     return share
 
 
-def _along(trials: Trials, arrows: Float64[np.ndarray, "K N 2"]) -> Share:
+def _along(trials: SimulationBatch, arrows: Float64[np.ndarray, "K N 2"]) -> Share:
     """Share for residuals across the object, by place along it."""
     labels = trials.labels
     normals = np.stack([-labels[:, :, 3], labels[:, :, 2]], axis=2)
@@ -120,14 +120,14 @@ def _angles(vectors: Float64[np.ndarray, "K 2"]) -> Float64[np.ndarray, " K"]:
     return np.arctan2(vectors[:, 1], vectors[:, 0])
 
 
-def _headings(trials: Trials) -> Float64[np.ndarray, " K"]:
+def _headings(trials: SimulationBatch) -> Float64[np.ndarray, " K"]:
     """Direction of each push [rad]."""
     spans = zip(trials.study.pushes, trials.starts_s, trials.ends_s, strict=True)
     ways = [push.track.at(np.array([start, stop])) for push, start, stop in spans]
     return _angles(np.stack([way[1, :2] - way[0, :2] for way in ways]))
 
 
-def _yaws(trials: Trials) -> Float64[np.ndarray, " K"]:
+def _yaws(trials: SimulationBatch) -> Float64[np.ndarray, " K"]:
     """Yaw of the tool in each push [rad]."""
     q = np.stack([push.track.poses[len(push.track.poses) // 2, 3:] for push in trials.study.pushes])
     w, x, y, z = q.T

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Subject
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.results.case import Case, Example, NextPush
 from app.sim.effects.base import MIDDLE_M, REACH_M
 
@@ -89,7 +89,7 @@ def _push(push: Push, shift: _Shift) -> Push:
     )
 
 
-def _view(view: View, shift: _Shift) -> View:
+def _view(view: ProjectionView, shift: _Shift) -> ProjectionView:
     finger = None if view.finger is None else _cloud(view.finger, shift)
     return replace(view, points=_cloud(view.points, shift), finger=finger)
 

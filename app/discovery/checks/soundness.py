@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.discovery.residuals.displacement_field import AFTER, Basis, registered
-from app.discovery.residuals.predict import Trials
+from app.discovery.residuals.predict import SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.results.case import Limit
 
@@ -14,7 +14,7 @@ _ENOUGH = 0.9
 _MM = 1e3
 
 
-def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
+def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
     simulated = np.any(data.known[:, AFTER], axis=1)
     count = int(simulated.sum())
@@ -45,7 +45,7 @@ def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
         )
 
 
-def _moved_m(trials: Trials, k: int) -> float:
+def _moved_m(trials: SimulationBatch, k: int) -> float:
     """Root mean square displacement of the object along it by a push."""
     before = trials.clouds[k]
     basis = Basis.along(before, trials.labels[k, :, 0])

@@ -17,7 +17,7 @@ from app.core.types import Cloud, Points
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class ProjectionView:
     """The object as particles at one moment; with the finger's points in the same images, where there are any."""
 
     time_s: float
@@ -31,9 +31,9 @@ class Push:
     """One motion of the tool: observations before, during and after it, commanded and measured tracks."""
 
     episode: int
-    before: View
-    during: tuple[View, ...]
-    after: View
+    before: ProjectionView
+    during: tuple[ProjectionView, ...]
+    after: ProjectionView
     command: Track
     measured: Track | None
 

@@ -14,8 +14,8 @@ from jaxtyping import Float32, Float64
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Theta
-from app.discovery.dataset.study import Push, Study, View
-from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.case import NextPush
 from app.policy.random_pushes import PushDesign, random_track
 from app.sim.effects.base import MIDDLE_M
@@ -29,7 +29,7 @@ _MM, _CM = 1e3, 1e2
 
 def next_push(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     models: Mapping[str, tuple[float, Theta]],
     *,
     platform: str,
@@ -65,7 +65,7 @@ def next_push(
     )
 
 
-def _asked(predictor: Predictor, study: Study, last: View, count: int, height_m: float, seed: int) -> Study:
+def _asked(predictor: Predictor, study: Study, last: ProjectionView, count: int, height_m: float, seed: int) -> Study:
     """Pushes that might be made from where the object is now."""
     rng, start_s = np.random.default_rng(seed), last.time_s + _PAUSE_S
     before, plan = replace(last, time_s=start_s), PushDesign()

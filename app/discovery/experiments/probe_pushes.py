@@ -17,11 +17,11 @@ from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.next_push import push_words
 from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.inference.mixed_effects import information_of
-from app.discovery.residuals.predict import Predictor, PushParticles, Trials, prepare
+from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import residuals
 from app.policy.random_pushes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
@@ -82,7 +82,7 @@ class PushSituation:
     """
 
     task: str
-    seen: View
+    seen: ProjectionView
     episode: int
     made: tuple[Push, ...]
     plan: PushDesign
@@ -268,7 +268,7 @@ def _towards(
 
 def _trials(
     predictor: Predictor, scene: PushSituation, candidates: Sequence[Candidate], expected: PushParticles | None
-) -> Trials:
+) -> SimulationBatch:
     """The candidates as pushes whose outcome is as `expected`, or unknown.
 
     The last push of the same episode stands before them, where there is one, so that it is known which end is which.
@@ -284,8 +284,8 @@ def _trials(
             Push(
                 episode=scene.episode,
                 before=seen,
-                during=(View(time_s=midway_s(track.times_s), points=during),) if scene.plan.during else (),
-                after=View(time_s=track.end_s, points=after),
+                during=(ProjectionView(time_s=midway_s(track.times_s), points=during),) if scene.plan.during else (),
+                after=ProjectionView(time_s=track.end_s, points=after),
                 command=track,
                 measured=track if scene.plan.measured else None,
             )

@@ -19,7 +19,7 @@ from jaxtyping import Float64
 
 from app.discovery import sensor_actuator_errors as apparatus
 from app.discovery.inference.mixed_effects import scores
-from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import projected
 from app.sim.files import files_of
 
@@ -91,7 +91,7 @@ def features(screening: Screening) -> tuple[list[str], Float64[np.ndarray, "C F"
 
 def _row(
     screening: Screening,
-    suspect: Suspect,
+    suspect: CandidateCause,
     by_push: Float64[np.ndarray, "K P"],
     by_episode: Float64[np.ndarray, "E P"],
 ) -> list[float]:

@@ -19,10 +19,10 @@ from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
 from app.discovery.inference.mixed_effects import Covariances, fitted, log_likelihood
 from app.discovery.inference.refine import RefinedModel, refine, started
-from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Z90, Prior, weigh
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import moved, ways_of
 
@@ -67,7 +67,7 @@ Progress: TypeAlias = Callable[[str], None]
 """Callback for progress, in words."""
 
 
-class Held(NamedTuple):
+class HeldOutGain(NamedTuple):
     """Gain in log likelihood of left-out episodes over the null hypothesis: trimmed mean and standard error."""
 
     gain: float
@@ -87,11 +87,11 @@ class ModelSelection:
     probabilities: Mapping[str, float]
     nothing: float
     accepted: RefinedModel | None
-    held: Held | None
+    held: HeldOutGain | None
     unknown: float = 0.0
 
 
-def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> ModelSelection:
+def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, said: Progress) -> ModelSelection:
     """Refit the shortlist, weigh it, and add causes while they are needed.
 
     Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is. A further one
@@ -129,7 +129,7 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     )
 
 
-def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[Suspect]:
+def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[CandidateCause]:
     """The suspects that are worth a refit by their probability so far; one at least."""
     suspects = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])
     return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
@@ -155,7 +155,12 @@ def is_sized(catalogue: Catalogue, model: RefinedModel) -> bool:
 
 
 def refitted(
-    predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool = True
+    predictor: Predictor,
+    trials: SimulationBatch,
+    screening: Screening,
+    suspect: CandidateCause,
+    *,
+    thorough: bool = True,
 ) -> RefinedModel:
     """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
     if not thorough:
@@ -173,7 +178,7 @@ def refitted(
     return best
 
 
-def shortlist(screening: Screening) -> list[Suspect]:
+def shortlist(screening: Screening) -> list[CandidateCause]:
     """The suspects worth a refit."""
     suspects = screening.suspects
     least = suspects[min(_SHORTLIST, len(suspects)) - 1].finding.log_bayes - _CLOSE
@@ -211,7 +216,7 @@ def _shared(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
 
 def _extended(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     screening: Screening,
     best: RefinedModel,
     singles: Sequence[RefinedModel],
@@ -236,10 +241,10 @@ def _extended(
 
 def extended(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     screening: Screening,
     model: RefinedModel,
-    suspect: Suspect,
+    suspect: CandidateCause,
     start: Theta | None = None,
 ) -> RefinedModel:
     """The model with a further cause, refitted; from that cause's value in `start`, or as the screening found it."""
@@ -256,13 +261,13 @@ def _without_needless(model: RefinedModel, simpler: Sequence[RefinedModel]) -> R
     return model
 
 
-def further(model: RefinedModel) -> list[Suspect]:
+def further(model: RefinedModel) -> list[CandidateCause]:
     """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
     groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
     weighing = weigh(model.data, list(groups.values()), model.prior)
     suspects = [
-        Suspect(
+        CandidateCause(
             cause=cause,
             columns=tuple(columns),
             steps=tuple(model.steps[column] for column in columns),
@@ -271,19 +276,19 @@ def further(model: RefinedModel) -> list[Suspect]:
         for (cause, _), columns, finding in zip(groups, groups.values(), weighing.findings, strict=True)
     ]
     suspects.sort(key=lambda suspect: -suspect.finding.log_bayes)
-    first = dict[str, Suspect]()
+    first = dict[str, CandidateCause]()
     for suspect in suspects:
         if suspect.finding.log_bayes > 0:
             first.setdefault(suspect.cause, suspect)
     return list(first.values())
 
 
-def held_out(simpler: tuple[Residuals, Prior], model: RefinedModel) -> Held:
+def held_out(simpler: tuple[Residuals, Prior], model: RefinedModel) -> HeldOutGain:
     """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
     return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
 
-def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
+def held_out_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
     """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
 
     Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
@@ -295,7 +300,7 @@ def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
 
 def _held_out(
     simpler: tuple[Residuals, Prior], extended: tuple[Residuals, Prior], starts: Sequence[Covariances | None]
-) -> Held:
+) -> HeldOutGain:
     episodes = np.unique(extended[0].episode).tolist()
     gains = np.array(
         [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
@@ -303,7 +308,7 @@ def _held_out(
     return trimmed(gains)
 
 
-def trimmed(gains: Float64[np.ndarray, " E"]) -> Held:
+def trimmed(gains: Float64[np.ndarray, " E"]) -> HeldOutGain:
     """The trimmed mean of episodes, and its standard error (Tukey and McLaughlin 1963).
 
     The error is as much larger as makes two of it as rare as two of a plain mean, by Student's distribution of fewer
@@ -312,15 +317,15 @@ def trimmed(gains: Float64[np.ndarray, " E"]) -> Held:
     count = len(gains)
     out = int(_TRIMMED * count) if count >= _FEWEST else 0
     if count < 2:
-        return Held(float(gains.mean()), np.inf)
+        return HeldOutGain(float(gains.mean()), np.inf)
     ordered, inner = np.sort(gains), count - 2 * out
     winsorized = np.clip(gains, ordered[out], ordered[count - 1 - out])
     error = winsorized.std(ddof=1) * np.sqrt(count) / inner
     rarer = t.ppf(t.cdf(_ERRORS, count - 1), inner - 1) / _ERRORS
-    return Held(float(ordered[out : count - out].mean()), float(error * rarer))
+    return HeldOutGain(float(ordered[out : count - out].mean()), float(error * rarer))
 
 
-def is_earned(held: Held) -> bool:
+def is_earned(held: HeldOutGain) -> bool:
     """True if episodes that were left out are more likely by enough standard errors."""
     return held.gain > _ERRORS * held.error
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.inference.mixed_effects import Forms, fitted
+from app.discovery.inference.mixed_effects import QuadraticForms, fitted
 from app.discovery.inference.weighing import Prior, projected
 from app.discovery.residuals.rows import Residuals
 
@@ -30,7 +30,9 @@ def found_ends(data: Residuals, prior: Prior, odd: Sequence[int]) -> Ends:
     return dict(zip(fit.forms.episode.tolist(), signs.tolist(), strict=True))
 
 
-def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column: int) -> Float64[np.ndarray, " E"]:
+def _scores(
+    forms: QuadraticForms, theta: Float64[np.ndarray, " P"], prior: Prior, column: int
+) -> Float64[np.ndarray, " E"]:
     """Scores of each episode for one column, all else projected out, in standard deviations of their sum."""
     left = forms.b - forms.A @ theta
     rest, projection, information = projected(forms.A.sum(0), prior, [column])

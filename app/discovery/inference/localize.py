@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from app.discovery.dataset.model_under_test import Cause, Theta
 from app.discovery.inference.mixed_effects import fitted, forms_of
 from app.discovery.inference.weighing import Prior
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, residuals, steps_of
 
@@ -40,7 +40,12 @@ class Located(NamedTuple):
 
 
 def localized(
-    predictor: Predictor, trials: Trials, about: Theta, names: Sequence[str], nuisances: Sequence[Step], prior: Prior
+    predictor: Predictor,
+    trials: SimulationBatch,
+    about: Theta,
+    names: Sequence[str],
+    nuisances: Sequence[Step],
+    prior: Prior,
 ) -> Mapping[str, Located]:
     """The likeliest places of the causes of these `names`. `prior`: of the `nuisances`, about the nominal model."""
     causes = [predictor.catalogue.cause(name) for name in names]
@@ -62,7 +67,7 @@ def _spacing_m(cause: Cause) -> float:
     return _FELT_EVERYWHERE_M if cause.reach_m is None else cause.reach_m / 2
 
 
-def _swept(trials: Trials) -> list[Float64[np.ndarray, "M 2"]]:
+def _swept(trials: SimulationBatch) -> list[Float64[np.ndarray, "M 2"]]:
     """Places at which something of the object moved in each push, as it was seen before, during and after."""
     found = list[Float64[np.ndarray, "M 2"]]()
     for k, push in enumerate(trials.study.pushes):
@@ -112,7 +117,7 @@ def _best(
 
 def _evidences(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     about: Theta,
     nuisances: Sequence[Step],
     prior: Prior,

@@ -30,7 +30,7 @@ Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
 """Covariance of each block of rows [m^2], for a push of usual size."""
 
 
-class Forms(NamedTuple):
+class QuadraticForms(NamedTuple):
     """-2 log likelihood of each episode at theta, to second order: c - 2 b theta + theta A theta, but for c."""
 
     A: Float64[np.ndarray, "E P P"]
@@ -43,7 +43,7 @@ class MixedEffectsFit(NamedTuple):
 
     theta: Float64[np.ndarray, " P"]
     covariances: Covariances
-    forms: Forms
+    forms: QuadraticForms
     log_likelihood: float
 
 
@@ -108,7 +108,7 @@ def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndar
     return found
 
 
-def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> Forms:
+def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> QuadraticForms:
     """The likelihood's forms about any theta under a known noise, with the weight that Student's t gives each push."""
     blocks = _blocks(data)
     roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
@@ -239,7 +239,7 @@ def _scatter(
 
 def _forms(
     blocks: Sequence[_Rows], roots: Sequence[Float64[np.ndarray, "_ _ _"]], theta: Float64[np.ndarray, " P"]
-) -> Forms:
+) -> QuadraticForms:
     episodes = np.unique(np.concatenate([block.episode for block in blocks]))
     A, b = np.zeros((len(episodes), len(theta), len(theta))), np.zeros((len(episodes), len(theta)))
     for block, root in zip(blocks, roots, strict=True):
@@ -249,4 +249,4 @@ def _forms(
             flat = WJ[own].reshape(-1, len(theta))
             A[row] += flat.T @ flat
             b[row] += flat.T @ Wr[own].ravel()
-    return Forms(A, b, episodes)
+    return QuadraticForms(A, b, episodes)

@@ -12,9 +12,9 @@ from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, fitted
-from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Prior, log_evidence, posterior
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, moved, residuals, switch_of
 
@@ -58,7 +58,7 @@ class RefinedModel:
 
 def refine(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     screening: Screening,
     starts: Sequence[tuple[str, Theta]],
     noises: Sequence[Covariances] = (),
@@ -97,7 +97,7 @@ def _ahead(catalogue: Catalogue, model: RefinedModel, share: float) -> Theta:
     return estimate
 
 
-def started(catalogue: Catalogue, about: Theta, suspect: Suspect, *, share: float = 1.0) -> Theta:
+def started(catalogue: Catalogue, about: Theta, suspect: CandidateCause, *, share: float = 1.0) -> Theta:
     """The model with a suspect's cause as the screening found it."""
     theta = about.copy()
     for step, value in zip(suspect.steps, suspect.finding.mean, strict=True):

@@ -12,10 +12,10 @@ from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, C
 from app.discovery.inference.ends import Ends, found_ends, turned
 from app.discovery.inference.localize import Located, localized
 from app.discovery.inference.mixed_effects import fitted
-from app.discovery.inference.weighing import CALIBRATED, Finding, Prior, Weighing, habit, weigh
+from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, habit, weigh
 from app.discovery.residuals.displacement_field import AFTER, Basis
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import STARTS, Step, apart, moved, residuals, steps_of, ways_of
 
@@ -31,7 +31,7 @@ _PEAK_M = 0.03
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Suspect:
+class CandidateCause:
     """A cause with its result of the screening; `columns`: its own in the data, with their `steps`.
 
     `finding.mean` are their values in steps.
@@ -40,7 +40,7 @@ class Suspect:
     cause: str
     columns: tuple[int, ...]
     steps: tuple[Step, ...]
-    finding: Finding
+    finding: HypothesisResult
 
 
 @final
@@ -56,18 +56,18 @@ class Screening:
     steps: tuple[Step, ...]
     data: Residuals
     prior: Prior
-    weighing: Weighing
-    suspects: tuple[Suspect, ...]
+    weighing: ModelComparison
+    suspects: tuple[CandidateCause, ...]
     ends: Ends
-    force: Suspect | None = None
+    force: CandidateCause | None = None
 
     @property
-    def weighed(self) -> tuple[Suspect, ...]:
+    def weighed(self) -> tuple[CandidateCause, ...]:
         """The causes of the catalogue, and the force of none."""
         return self.suspects if self.force is None else (*self.suspects, self.force)
 
 
-def refit(predictor: Predictor, trials: Trials) -> Theta:
+def refit(predictor: Predictor, trials: SimulationBatch) -> Theta:
     """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = _fitted_first(predictor)
@@ -94,7 +94,9 @@ def _fitted_first(predictor: Predictor) -> list[Step]:
     return [step for step in steps_of(predictor.catalogue, calibrated, {}) if step.cause in wanted]
 
 
-def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
+def screen(
+    predictor: Predictor, trials: SimulationBatch, about: Theta, *, only: Sequence[str] | None = None
+) -> Screening:
     """Weigh every cause, or those of `only`, against the refitted nominal model."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     wanted = None if only is None else {*only, *calibrated, *ANY_NUMERICS}
@@ -132,11 +134,13 @@ def screened(
             asked.append((cause, even, 0.0))
     asked += [(FORMULA, list(columns), 0.0) for columns in features.values()]
     weighing = weigh(data, [columns for _, columns, _ in asked], prior)
-    ways = dict[str, list[Suspect]]()
+    ways = dict[str, list[CandidateCause]]()
     for (cause, columns, cost), weighed in zip(asked, weighing.findings, strict=True):
         own = tuple(steps[column] for column in columns)
         finding = _possible(weighed._replace(log_bayes=weighed.log_bayes - cost), own)
-        ways.setdefault(cause, []).append(Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding))
+        ways.setdefault(cause, []).append(
+            CandidateCause(cause=cause, columns=tuple(columns), steps=own, finding=finding)
+        )
     force = _likeliest(ways.pop(FORMULA)) if features else None
     suspects = sorted(map(_likeliest, ways.values()), key=lambda suspect: -suspect.finding.log_bayes)
     return Screening(
@@ -151,7 +155,7 @@ def screened(
     )
 
 
-def _likeliest(ways: Sequence[Suspect]) -> Suspect:
+def _likeliest(ways: Sequence[CandidateCause]) -> CandidateCause:
     """The best of the places, or ways, that a cause was asked about in, with the mean evidence of all of them.
 
     It has one that nobody knows, and the best of many is good by chance.
@@ -161,7 +165,7 @@ def _likeliest(ways: Sequence[Suspect]) -> Suspect:
     return replace(best, finding=best.finding._replace(log_bayes=float(mean)))
 
 
-def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
+def _possible(finding: HypothesisResult, steps: Sequence[Step]) -> HypothesisResult:
     """A cause that only a value beyond its null would explain is not one."""
     beyond = all(step.sides == 1 and value < 0 for step, value in zip(steps, finding.mean, strict=True))
     return finding._replace(log_bayes=min(finding.log_bayes, 0.0)) if beyond else finding
@@ -187,7 +191,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
 
 
 def located_of(
-    predictor: Predictor, trials: Trials, about: Theta, only: Sequence[str] | None = None
+    predictor: Predictor, trials: SimulationBatch, about: Theta, only: Sequence[str] | None = None
 ) -> Mapping[str, Located]:
     """Candidate places of each cause that has one: from a lattice for rods, guessed from residuals otherwise."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
@@ -201,7 +205,7 @@ def located_of(
     return localized(predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances))
 
 
-def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
+def _guessed(predictor: Predictor, trials: SimulationBatch, about: Theta) -> Float64[np.ndarray, "S 2"]:
     """Candidate places: the corners of the inner half of the object's region, and peaks of the residuals."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)
@@ -211,7 +215,7 @@ def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.n
 
 
 def arrows_of(
-    trials: Trials, data: Residuals, predictor: Predictor, about: Theta
+    trials: SimulationBatch, data: Residuals, predictor: Predictor, about: Theta
 ) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
     """Predicted positions of the object's points after each push, and displacements to the observed ones [m]."""
     predicted = predictor(trials, [about]).after[0]

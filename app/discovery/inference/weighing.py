@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Cause, Family
-from app.discovery.inference.mixed_effects import Covariances, Forms, MixedEffectsFit, fitted
+from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fitted
 from app.discovery.residuals.rows import Residuals
 
 HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
@@ -121,7 +121,7 @@ def habit(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[flo
     return _USUAL.get(cause.name, 0.0), _OWN_HABITS.get(cause.name, HABITS[cause.family])
 
 
-class Finding(NamedTuple):
+class HypothesisResult(NamedTuple):
     """Result of one hypothesis: its log Bayes factor against the null hypothesis, and its columns' posterior."""
 
     log_bayes: float
@@ -131,16 +131,16 @@ class Finding(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Weighing:
+class ModelComparison:
     """The null hypothesis, and each other against it. `temper`: see `dispersion`."""
 
     nothing: MixedEffectsFit
     temper: float
     log_evidence: float
-    findings: tuple[Finding, ...]
+    findings: tuple[HypothesisResult, ...]
 
 
-def weigh(data: Residuals, hypotheses: Sequence[Sequence[int]], prior: Prior) -> Weighing:
+def weigh(data: Residuals, hypotheses: Sequence[Sequence[int]], prior: Prior) -> ModelComparison:
     """Each hypothesis is the columns of one cause, which it frees.
 
     The noise is learnt anew for each: what an effect does that nobody allows for is taken for noise, just where it
@@ -164,10 +164,10 @@ def weigh(data: Residuals, hypotheses: Sequence[Sequence[int]], prior: Prior) ->
         for index, fit in fits.items()
     }
     findings = tuple(learnt.get(index, found) for index, found in enumerate(quick))
-    return Weighing(nothing=nothing, temper=temper, log_evidence=base, findings=findings)
+    return ModelComparison(nothing=nothing, temper=temper, log_evidence=base, findings=findings)
 
 
-def _quick(forms: Forms, prior: Prior, columns: Sequence[int], temper: float) -> Finding:
+def _quick(forms: QuadraticForms, prior: Prior, columns: Sequence[int], temper: float) -> HypothesisResult:
     """The same where the noise is taken to be known: exact, and a hundred times as quick as to learn it."""
     A, b = forms.A.sum(0) / temper, forms.b.sum(0) / temper
 
@@ -180,7 +180,7 @@ def _quick(forms: Forms, prior: Prior, columns: Sequence[int], temper: float) ->
 
     (without, _, _), (evidence, theta, precision) = solved(prior), solved(prior.wider(columns))
     own = list(columns)
-    return Finding(evidence - without, theta[own], np.linalg.inv(precision)[np.ix_(own, own)])
+    return HypothesisResult(evidence - without, theta[own], np.linalg.inv(precision)[np.ix_(own, own)])
 
 
 def log_bayes_of(
@@ -240,7 +240,7 @@ def projected(
     return rest, projection, A[np.ix_(columns, columns)] - A[np.ix_(columns, rest)] @ projection
 
 
-def _strength(finding: Finding) -> float:
+def _strength(finding: HypothesisResult) -> float:
     return finding.log_bayes
 
 
@@ -248,6 +248,8 @@ def _fit(data: Residuals, prior: Prior, starts: Sequence[Covariances | None]) ->
     return fitted(data, prior.variance, prior.mean, starts)
 
 
-def _finding(fit: MixedEffectsFit, prior: Prior, columns: Sequence[int], log_bayes: float, temper: float) -> Finding:
+def _finding(
+    fit: MixedEffectsFit, prior: Prior, columns: Sequence[int], log_bayes: float, temper: float
+) -> HypothesisResult:
     own = list(columns)
-    return Finding(log_bayes, fit.theta[own], posterior(fit, prior, temper)[np.ix_(own, own)])
+    return HypothesisResult(log_bayes, fit.theta[own], posterior(fit, prior, temper)[np.ix_(own, own)])

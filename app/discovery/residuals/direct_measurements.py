@@ -14,7 +14,7 @@ from app.core.geometry.tool_surface import ToolView, middle_of
 from app.core.types import Cloud
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.dataset.study import Push
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Block
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.sim.model.params import PARAMETERS
@@ -61,7 +61,7 @@ def direct_blocks(first: int) -> tuple[Block, ...]:
     return tuple(Block(slice(first + at.start, first + at.stop), _LEAST_M[kind]) for kind, at in own.items())
 
 
-def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Sequence[Change]) -> DirectRows:
+def direct_rows(predictor: Predictor, trials: SimulationBatch, about: Theta, changes: Sequence[Change]) -> DirectRows:
     """Residuals of all pushes about a model, and their slopes for its changes."""
     first, physics = _first_of_episodes(trials), len(PARAMETERS)
     seen_at = [_seen_tip(predictor, trials, k) for k in range(len(trials))]
@@ -95,7 +95,7 @@ def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Seq
     return DirectRows(r, J, known)
 
 
-def best_by_log(predictor: Predictor, trials: Trials, models: Sequence[Theta]) -> int:
+def best_by_log(predictor: Predictor, trials: SimulationBatch, models: Sequence[Theta]) -> int:
     """The number of the model with which the arm's log differs least from its command, in the sum of squares."""
 
     def misfit(theta: Theta) -> float:
@@ -105,13 +105,13 @@ def best_by_log(predictor: Predictor, trials: Trials, models: Sequence[Theta]) -
     return int(np.argmin([misfit(theta) for theta in models]))
 
 
-def _first_of_episodes(trials: Trials) -> frozenset[int]:
+def _first_of_episodes(trials: SimulationBatch) -> frozenset[int]:
     """The first push of each episode: the table is one view of an episode, and counts once."""
     episodes = [push.episode for push in trials.study.pushes]
     return frozenset(episodes.index(episode) for episode in set(episodes))
 
 
-def _seen_tip(predictor: Predictor, trials: Trials, k: int) -> Float64[np.ndarray, "3"] | None:
+def _seen_tip(predictor: Predictor, trials: SimulationBatch, k: int) -> Float64[np.ndarray, "3"] | None:
     """Tip of the tool as the cameras see it in the view on the way; NaN along an axis of which its points say nothing.
 
     Points whose mean is the tip say all of it. Points of the tool's surface say where its middle is, seen from above,
@@ -132,7 +132,7 @@ def _seen_tip(predictor: Predictor, trials: Trials, k: int) -> Float64[np.ndarra
 
 
 def _finger(
-    predictor: Predictor, trials: Trials, seen: Float64[np.ndarray, "3"] | None, k: int, theta: Theta
+    predictor: Predictor, trials: SimulationBatch, seen: Float64[np.ndarray, "3"] | None, k: int, theta: Theta
 ) -> Float64[np.ndarray, "3"] | None:
     """The finger as seen, less its position by the kinematics and the model."""
     if seen is None:
@@ -143,7 +143,7 @@ def _finger(
     return seen - predictor.placed(tip, _eye(trials), theta)[0]
 
 
-def _table(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "3"] | None:
+def _table(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) -> Float64[np.ndarray, "3"] | None:
     """Height and slopes of the table as seen, less those of the plane z = 0 as the model would show it.
 
     Nothing where the table was taken for that plane, because nobody had said where it is.
@@ -162,7 +162,7 @@ def _plane(points: Cloud | Float64[np.ndarray, "M 3"]) -> Float64[np.ndarray, "3
     return np.linalg.lstsq(rows, points[:, 2].astype(np.float64), rcond=None)[0]
 
 
-def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, " L"] | None:
+def _log(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) -> Float64[np.ndarray, " L"] | None:
     """Measured less commanded positions, along and across the push, where the command goes through the model's arm."""
     push = trials.study.pushes[k]
     if push.measured is None:
@@ -173,7 +173,7 @@ def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[
     return np.concatenate([apart[:, :2] @ ahead, apart[:, :2] @ across])
 
 
-def _girth(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "1"] | None:
+def _girth(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) -> Float64[np.ndarray, "1"] | None:
     """Distance within which half of the object's points are from its middle line, less that of an object of its radius.
 
     Nothing where nobody said the radius.
@@ -200,5 +200,5 @@ def _phases(push: Push, low_m: float) -> tuple[Float64[np.ndarray, " S"], Float6
     return np.linspace(times[0], times[-1], _PHASES), ahead
 
 
-def _eye(trials: Trials) -> Eye:
+def _eye(trials: SimulationBatch) -> Eye:
     return Eye(np.asarray(trials.study.camera), None)

@@ -18,7 +18,7 @@ from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import label_of, labelled, middles_of
 from app.discovery.dataset.model_under_test import ROD_NUMERICS, Catalogue, Subject, Theta
-from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load, Places
@@ -46,7 +46,7 @@ class PushParticles(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trials:
+class SimulationBatch:
     """The pushes of a study made ready for simulation; K of them."""
 
     study: Study
@@ -71,12 +71,12 @@ class Trials:
     def __len__(self) -> int:
         return len(self.study.pushes)
 
-    def turned(self, ends: Mapping[int, float]) -> "Trials":
+    def turned(self, ends: Mapping[int, float]) -> "SimulationBatch":
         """The same with the object's other end called the first in the episodes in which `ends` is -1."""
         signs = np.array([ends[push.episode] for push in self.study.pushes], np.float32)
         return replace(self, labels=self.labels * signs[:, None, None], ways=self.ways * signs)
 
-    def disturbed(self, seed: int) -> "Trials":
+    def disturbed(self, seed: int) -> "SimulationBatch":
         """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""
         rng = np.random.default_rng(seed)
         pushes = tuple(
@@ -85,7 +85,7 @@ class Trials:
         )
         return replace(self, study=replace(self.study, pushes=pushes))
 
-    def begun_from(self, starts: Mapping[int, tuple[int, Points]]) -> "Trials":
+    def begun_from(self, starts: Mapping[int, tuple[int, Points]]) -> "SimulationBatch":
         """Some of the pushes, with the object elsewhere at their beginning.
 
         `starts`: for each push the one from whose cloud the particles are, and their places now.
@@ -121,7 +121,7 @@ class Trials:
         return moved
 
 
-def prepare(study: Study, subject: Subject) -> Trials:
+def prepare(study: Study, subject: Subject) -> SimulationBatch:
     """Label particles by their place along the object, and find when the tool could touch it."""
     pushes = study.pushes
     labels, middles = labelled([push.before.points for push in pushes], subject.rods)
@@ -132,7 +132,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
     stops = np.array(
         [view.time_s if view else (start + end) / 2 for view, start, end in zip(during, starts, ends, strict=True)]
     )
-    return Trials(
+    return SimulationBatch(
         study=study,
         clouds=np.stack([push.before.points for push in pushes]),
         labels=labels,
@@ -166,7 +166,7 @@ class Predictor:
 
     def __call__(
         self,
-        trials: Trials,
+        trials: SimulationBatch,
         thetas: Sequence[Theta],
         *,
         subject: Subject | None = None,
@@ -192,7 +192,7 @@ class Predictor:
                     after[q, k] = self._seen(trials, k, end, thetas[q])
         return PushParticles(during, after)
 
-    def _seen(self, trials: Trials, k: int, points: Points, theta: Theta) -> Points:
+    def _seen(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
@@ -238,7 +238,7 @@ class Predictor:
         late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
         return sum(late, 0.0)
 
-    def _groups(self, trials: Trials, subject: Subject) -> list["_Group"]:
+    def _groups(self, trials: SimulationBatch, subject: Subject) -> list["_Group"]:
         """Pushes whose paths have as many blocks of time steps together."""
         step_s, ratio = subject.step_s, length_ratio(subject, self._platform)
         found = dict[tuple[int, int], dict[int, tuple[int, int]]]()
@@ -252,7 +252,7 @@ class Predictor:
 
     def _inputs(
         self,
-        trials: Trials,
+        trials: SimulationBatch,
         thetas: Sequence[Theta],
         jobs: Sequence[tuple[int, int]],
         ways: "_Ways",
@@ -274,7 +274,7 @@ class Predictor:
 
     def _ways(
         self,
-        trials: Trials,
+        trials: SimulationBatch,
         thetas: Sequence[Theta],
         jobs: Sequence[tuple[int, int]],
         group: "_Group",
@@ -295,7 +295,7 @@ class Predictor:
         return k, theta[self._apparatus].tobytes()
 
     def _seen_from(
-        self, trials: Trials, k: int, theta: Theta, group: "_Group"
+        self, trials: SimulationBatch, k: int, theta: Theta, group: "_Group"
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Particles before push k, and the tool's path to the stop and on, if the apparatus has these errors."""
         push, step = trials.study.pushes[k], group.step_s
@@ -356,7 +356,7 @@ def _low_interval(track: Track, low_m: float) -> tuple[float, float]:
     return float(track.times_s[low[0]]), float(track.times_s[low[-1]])
 
 
-def _midway(push: Push, subject: Subject) -> View | None:
+def _midway(push: Push, subject: Subject) -> ProjectionView | None:
     """The view during the push that is nearest to its later half's beginning."""
     if not push.during:
         return None

@@ -16,7 +16,7 @@ from app.core.types import Points
 from app.discovery.dataset.model_under_test import NUMERICS, Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, registered
-from app.discovery.residuals.predict import Predictor, PushParticles, Trials
+from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch
 from app.discovery.residuals.rows import Block, Residuals
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
@@ -106,7 +106,7 @@ def moved(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta
 
 def residuals(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     about: Theta,
     steps: Sequence[Step],
     replicas: int = REPLICAS,
@@ -159,7 +159,7 @@ def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:
     return Change(up, down, apart(catalogue, down, up, step))
 
 
-def secant_of(predictor: Predictor, trials: Trials, about: Theta, step: Step) -> Change:
+def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step: Step) -> Change:
     """The change by which a step's slope is measured.
 
     An error that the arm's own log tells needs no simulation, and is not linear: a delay of two steps does not look
@@ -205,7 +205,7 @@ def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int
 
 
 def _simulated(
-    predictor: Predictor, trials: Trials, about: Theta, steps: Sequence[Step], changes: Sequence[Change]
+    predictor: Predictor, trials: SimulationBatch, about: Theta, steps: Sequence[Step], changes: Sequence[Change]
 ) -> tuple[PushParticles, list[tuple[PushParticles, PushParticles]]]:
     """The model's own predictions, and those of both ends of every change. NaN where nothing changes."""
     thetas, where = [about], [np.ones(len(trials), bool)]
@@ -262,7 +262,7 @@ def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray,
     return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
 
 
-def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
+def _felt(catalogue: Catalogue, trials: SimulationBatch) -> Bool[np.ndarray, " P"]:
     """Mask of the parameters that can change a prediction: not those of the arm that its own log contains."""
     felt = np.ones(len(catalogue.specs), bool)
     if all(push.measured is not None for push in trials.study.pushes):
@@ -271,7 +271,7 @@ def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
     return felt
 
 
-def _within(catalogue: Catalogue, trials: Trials, step: Step) -> Bool[np.ndarray, " K"]:
+def _within(catalogue: Catalogue, trials: SimulationBatch, step: Step) -> Bool[np.ndarray, " K"]:
     """Mask of the pushes in which the object came near the place of a step."""
     reach = next((cause.reach_m for cause in catalogue.causes if cause.name == step.cause), None)
     if reach is None or not step.given:
@@ -290,7 +290,7 @@ def _single(found: PushParticles) -> PushParticles:
 
 
 def _assembled(
-    trials: Trials,
+    trials: SimulationBatch,
     base: PushParticles,
     changes: Sequence[PushParticles],
     apart: Sequence[float],

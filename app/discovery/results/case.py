@@ -34,7 +34,7 @@ class Estimate:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Blame:
+class CauseResult:
     """A cause, its size, and the probability that it is missing in the model."""
 
     effect: str
@@ -93,7 +93,7 @@ class Limit:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Arrows:
+class ResidualField:
     """Residual displacements of the object about the refitted nominal model: places and displacements [m] (M, 2).
 
     `push`: index of each one's push; `along`: place along the object, -1 to 1.
@@ -209,14 +209,14 @@ class Case:
     checks: tuple[Check, ...]
     verdict: Name
     sentences: tuple[str, ...]
-    causes: tuple[Blame, ...]
+    causes: tuple[CauseResult, ...]
     formula: Formula | None
-    ranking: tuple[Blame, ...]
+    ranking: tuple[CauseResult, ...]
     leftover: float
     """Probability that something acts which the causes of the verdict do not say."""
     confused: tuple[str, ...]
     confusions: Float64[np.ndarray, "C C"]
-    arrows: Arrows
+    arrows: ResidualField
     frames: tuple[FrameTest, ...]
     gain: Gain
     per_episode: Float64[np.ndarray, "E 2"]

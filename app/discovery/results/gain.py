@@ -18,7 +18,7 @@ from app.discovery.inference.mixed_effects import fitted
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.residuals.displacement_field import Basis, registered
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.sensitivity import moved
 from app.discovery.results.case import Example, Gain
 
@@ -47,7 +47,7 @@ class Folds(NamedTuple):
     extended: Mapping[int, Theta]
 
 
-def gained(predictor: Predictor, trials: Trials, screening: Screening, model: RefinedModel | None) -> Gained:
+def gained(predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel | None) -> Gained:
     """Errors over one push and over several, with and without the extension."""
     folds = _folds(predictor, screening, model)
     planned = _as_planned(trials)
@@ -96,13 +96,13 @@ def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | Non
     return Folds(nominal, extended)
 
 
-def _as_planned(trials: Trials) -> Trials:
+def _as_planned(trials: SimulationBatch) -> SimulationBatch:
     """The trials with commands alone, without measured tracks."""
     pushes = tuple(replace(push, measured=None) for push in trials.study.pushes)
     return replace(trials, study=replace(trials.study, pushes=pushes))
 
 
-def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Clouds:
+def _predicted(predictor: Predictor, trials: SimulationBatch, thetas: Mapping[int, Theta]) -> Clouds:
     """Predicted object after each push (K, N, 3), by the model of its episode."""
     episode = np.array([push.episode for push in trials.study.pushes])
     numbers = list(thetas)
@@ -111,11 +111,11 @@ def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]
     return found[where.argmax(0), np.arange(len(episode))]
 
 
-def _errors_mm(trials: Trials, predicted: Clouds) -> Float64[np.ndarray, " K"]:
+def _errors_mm(trials: SimulationBatch, predicted: Clouds) -> Float64[np.ndarray, " K"]:
     return np.array([error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
 
 
-def error_mm(trials: Trials, k: int, predicted: Points) -> float:
+def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
     """Mean length of the displacement from the prediction to the observation."""
     if not np.isfinite(predicted).all():
         return float("nan")
@@ -125,7 +125,7 @@ def error_mm(trials: Trials, k: int, predicted: Points) -> float:
 
 
 def _further(
-    predictor: Predictor, trials: Trials, folds: Folds, ends: Sequence[Clouds]
+    predictor: Predictor, trials: SimulationBatch, folds: Folds, ends: Sequence[Clouds]
 ) -> list[Float64[np.ndarray, "2"]]:
     """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
     episode = np.array([push.episode for push in trials.study.pushes])
@@ -160,7 +160,9 @@ def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _examples(trials: Trials, ends: Sequence[Clouds], errors: Float64[np.ndarray, "K 2"]) -> tuple[Example, ...]:
+def _examples(
+    trials: SimulationBatch, ends: Sequence[Clouds], errors: Float64[np.ndarray, "K 2"]
+) -> tuple[Example, ...]:
     """Pushes from the most to the least improved, evenly spread: no selection of the best."""
     order = np.argsort(errors[:, 1] - errors[:, 0])
     order = order[np.isfinite(errors[order]).all(1)]

@@ -9,8 +9,8 @@ from app.discovery.inference.decide import NAMED, TEMPERATURE, ModelSelection
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import Z90, projected
-from app.discovery.results.case import Blame, Estimate, Formula, Limit, Name, Power
-from app.discovery.unexplained.formula import Opened
+from app.discovery.results.case import CauseResult, Estimate, Formula, Limit, Name, Power
+from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import LEFT
 
 _SET = 0.9
@@ -25,7 +25,9 @@ _NAMEABLE = 4.0 * TEMPERATURE
 """Evidence of the screening from which a cause is named alone, in a catalogue of this size."""
 
 
-def verdict_of(decision: ModelSelection, limits: Sequence[Limit], opened: Opened) -> tuple[Name, tuple[str, ...]]:
+def verdict_of(
+    decision: ModelSelection, limits: Sequence[Limit], opened: UnexplainedForce
+) -> tuple[Name, tuple[str, ...]]:
     """The kind of verdict, and the causes that it is about."""
     if any(limit.fatal for limit in limits):
         return "none", ()
@@ -49,10 +51,10 @@ def verdict_of(decision: ModelSelection, limits: Sequence[Limit], opened: Opened
 
 def ranking_of(
     catalogue: Catalogue, subject: Subject, screening: Screening, decision: ModelSelection
-) -> tuple[Blame, ...]:
+) -> tuple[CauseResult, ...]:
     """Causes that were weighed, the most probable first; with refitted sizes if there are some."""
     models = {model.causes[0]: model for model in decision.singles}
-    blames = list[Blame]()
+    blames = list[CauseResult]()
     for suspect in screening.suspects:
         cause, model = catalogue.cause(suspect.cause), models.get(suspect.cause)
         if model is not None:
@@ -68,7 +70,7 @@ def ranking_of(
             )
             log_bayes = suspect.finding.log_bayes
         blames.append(
-            Blame(
+            CauseResult(
                 effect=cause.name,
                 family=cause.family,
                 about=cause.about,
@@ -147,7 +149,7 @@ def _size(catalogue: Catalogue, subject: Subject, column: int, value: float) -> 
 
 def sentences_of(
     verdict: Name,
-    causes: Sequence[Blame],
+    causes: Sequence[CauseResult],
     gain_text: str,
     limits: Sequence[Limit],
     probabilities: Mapping[str, float],
@@ -185,7 +187,7 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     return (first, f"{said}, the likeliest, has a probability of {probability:.0%}.")
 
 
-def _one_of(causes: Sequence[Blame]) -> str:
+def _one_of(causes: Sequence[CauseResult]) -> str:
     """The likeliest in words; how many more there are where they are many."""
     names = [_said(blame.effect) for blame in causes]
     few = names if len(names) <= _LISTED else names[: _LISTED - 1]
@@ -200,7 +202,7 @@ def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str,
     return (first, f"It is best said as a force. {formula.words}", gain_text)
 
 
-def _sized(blame: Blame) -> str:
+def _sized(blame: CauseResult) -> str:
     """Each parameter in words with its value; its name if it has no description."""
     return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
 

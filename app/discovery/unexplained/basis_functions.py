@@ -14,9 +14,9 @@ from jaxtyping import Float64
 
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.inference.weighing import HABITS, Prior, Weighing, weigh
+from app.discovery.inference.weighing import HABITS, ModelComparison, Prior, weigh
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, residuals
 
@@ -31,13 +31,13 @@ class Widened:
 
     data: Residuals
     prior: Prior
-    weighing: Weighing
+    weighing: ModelComparison
     at: Mapping[str, tuple[int, ...]]
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Library:
+class BasisFunctions:
     """Slopes (K, R, F) of the features' parameters about the refitted nominal model, in `steps`.
 
     Both are empty where the screening has them already, as it has of rods.
@@ -72,10 +72,10 @@ class Library:
         return Widened(data=wide, prior=prior, weighing=weigh(wide, list(at.values()), prior), at=at)
 
 
-def library(predictor: Predictor, trials: Trials, screening: Screening) -> Library:
+def library(predictor: Predictor, trials: SimulationBatch, screening: Screening) -> BasisFunctions:
     """Simulate every feature at its typical size, both ways, where the screening has not."""
     if any(step.cause == FORMULA for step in screening.steps):
-        return Library(steps=(), J=np.zeros((*screening.data.r.shape, 0)))
+        return BasisFunctions(steps=(), J=np.zeros((*screening.data.r.shape, 0)))
     catalogue, steps = with_formula(predictor.catalogue), force_steps(predictor.catalogue)
     sloped = residuals(Predictor(predictor.subject, catalogue), trials, screening.about, steps, replicas=0)
-    return Library(steps=steps, J=sloped.J)
+    return BasisFunctions(steps=steps, J=sloped.J)

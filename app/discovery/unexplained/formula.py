@@ -13,14 +13,14 @@ from typing import NamedTuple, final
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out, is_earned
 from app.discovery.inference.refine import RefinedModel, refine, started
-from app.discovery.inference.screen import Screening, Suspect
-from app.discovery.inference.weighing import Finding, Prior, log_evidence, weigh
+from app.discovery.inference.screen import CandidateCause, Screening
+from app.discovery.inference.weighing import HypothesisResult, Prior, log_evidence, weigh
 from app.discovery.residuals.forces import FEATURES, FORMULA, parameters, with_formula
-from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step
-from app.discovery.unexplained.basis_functions import Library, Widened, library
-from app.discovery.unexplained.residual_test import Leftover, leftover, something_left
+from app.discovery.unexplained.basis_functions import BasisFunctions, Widened, library
+from app.discovery.unexplained.residual_test import ResidualTest, leftover, something_left
 
 _MOST = 3
 """Features of a formula."""
@@ -38,10 +38,10 @@ class AcceptedFormula:
     catalogue: Catalogue
 
 
-class Opened(NamedTuple):
+class UnexplainedForce(NamedTuple):
     """Result of the open-ended part: the residual test of the accepted model, and a formula that is better than it."""
 
-    left: Leftover
+    left: ResidualTest
     found: AcceptedFormula | None
 
 
@@ -56,8 +56,8 @@ class _Rival(NamedTuple):
 
 
 def opened(
-    predictor: Predictor, trials: Trials, screening: Screening, decision: ModelSelection, said: Progress
-) -> Opened:
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, decision: ModelSelection, said: Progress
+) -> UnexplainedForce:
     """Test the residuals of the decision, and look for a formula that explains them better."""
     known = library(predictor, trials, screening)
     nothing = known.beside_nothing(screening)
@@ -65,16 +65,16 @@ def opened(
     left = leftover(beside)
     found = _searched(predictor, trials, known.screening(screening, nothing), nothing, said)
     if found is None:
-        return Opened(left, None)
+        return UnexplainedForce(left, None)
     rivals = _rivals(known, nothing, decision, beside)
     if not all(_beats(found, rival) for rival in rivals):
-        return Opened(left, None)
+        return UnexplainedForce(left, None)
     gain = found.model.log_evidence - max(rival.log_evidence for rival in rivals)
-    return Opened(left._replace(probability=max(left.probability, something_left([gain]))), found)
+    return UnexplainedForce(left._replace(probability=max(left.probability, something_left([gain]))), found)
 
 
 def _searched(
-    predictor: Predictor, trials: Trials, screening: Screening, wide: Widened, said: Progress
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, wide: Widened, said: Progress
 ) -> AcceptedFormula | None:
     """The best feature, and further ones while each is needed."""
     best: AcceptedFormula | None = None
@@ -97,11 +97,11 @@ def _searched(
 
 def _refined(
     predictor: Predictor,
-    trials: Trials,
+    trials: SimulationBatch,
     screening: Screening,
     features: tuple[str, ...],
     about: Theta | None,
-    suspect: Suspect,
+    suspect: CandidateCause,
 ) -> AcceptedFormula:
     """Refit of these features together, the last from the screening and the others from `about`."""
     catalogue = with_formula(predictor.catalogue, features)
@@ -117,7 +117,7 @@ def _needed(simpler: RefinedModel, model: RefinedModel) -> bool:
     return is_earned(held_out((simpler.data, simpler.prior), model))
 
 
-def _further(found: AcceptedFormula) -> dict[str, Suspect]:
+def _further(found: AcceptedFormula) -> dict[str, CandidateCause]:
     """Features that the formula does not have, as its own residuals see them."""
     model, at = found.model, dict[str, tuple[int, ...]]()
     for feature in FEATURES:
@@ -132,12 +132,12 @@ def _further(found: AcceptedFormula) -> dict[str, Suspect]:
     }
 
 
-def _suspect(steps: Sequence[Step], columns: Sequence[int], finding: Finding) -> Suspect:
+def _suspect(steps: Sequence[Step], columns: Sequence[int], finding: HypothesisResult) -> CandidateCause:
     own = tuple(steps[column] for column in columns)
-    return Suspect(cause=FORMULA, columns=tuple(columns), steps=own, finding=finding)
+    return CandidateCause(cause=FORMULA, columns=tuple(columns), steps=own, finding=finding)
 
 
-def _rivals(known: Library, nothing: Widened, decision: ModelSelection, beside: Widened) -> list[_Rival]:
+def _rivals(known: BasisFunctions, nothing: Widened, decision: ModelSelection, beside: Widened) -> list[_Rival]:
     """Rivals of a formula: nothing missing, the accepted causes, and the likeliest cause if it was not accepted."""
     temper = nothing.weighing.temper
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.inference.decide import TEMPERATURE
-from app.discovery.inference.mixed_effects import Forms, fitted
+from app.discovery.inference.mixed_effects import QuadraticForms, fitted
 from app.discovery.inference.weighing import Prior, log_bayes_of
 from app.discovery.unexplained.basis_functions import Widened
 
@@ -25,7 +25,7 @@ _BEFORE = 0.25
 _DRAWS = 4000
 
 
-class Leftover(NamedTuple):
+class ResidualTest(NamedTuple):
     """The probability that something is left, and the p-value of that.
 
     Of E episodes chance can be excluded no further than to about one in 2^E, and the probability is no higher than
@@ -43,11 +43,11 @@ class _Scores(NamedTuple):
     information: Float64[np.ndarray, "F F"]
 
 
-def leftover(wide: Widened) -> Leftover:
+def leftover(wide: Widened) -> ResidualTest:
     """Test of the model that these residuals are of."""
     probability = something_left([finding.log_bayes for finding in wide.weighing.findings])
     chance = by_chance(_scores(wide), _groups(wide), _deviations(wide))
-    return Leftover(probability=min(probability, 1 - chance), by_chance=chance)
+    return ResidualTest(probability=min(probability, 1 - chance), by_chance=chance)
 
 
 def something_left(log_bayes: Sequence[float]) -> float:
@@ -90,7 +90,7 @@ def _scores(wide: Widened) -> _Scores:
     return projected(fitted(wide.data, prior.variance, prior.mean, starts).forms, wide.prior, columns)
 
 
-def projected(forms: Forms, prior: Prior, columns: Sequence[int]) -> _Scores:
+def projected(forms: QuadraticForms, prior: Prior, columns: Sequence[int]) -> _Scores:
     """The scores of these columns at zero, where all others are at their most probable."""
     own, rest = list(columns), [n for n in range(len(prior.mean)) if n not in set(columns)]
     A, b = forms.A.sum(0), forms.b.sum(0)

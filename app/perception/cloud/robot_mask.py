@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.arm_geometry import ArmShape, Posture
+from app.core.geometry.arm_geometry import ArmShape, JointState
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import DepthImage, ToolPose
@@ -68,7 +68,7 @@ def _hull(corners: Corners, shape: tuple[int, ...]) -> tuple[slice, slice, Bool[
     return rows, columns, covered.astype(bool)
 
 
-def pieces(arm: ArmShape, at: Posture, margin_m: float = MARGIN_M) -> list[Corners]:
+def pieces(arm: ArmShape, at: JointState, margin_m: float = MARGIN_M) -> list[Corners]:
     """Convex pieces of the arm and its tool, enlarged by the margin on every side."""
     links = arm.links(at.joints)
     found = list[Corners]()

@@ -22,7 +22,7 @@ _SPREAD = 3.0
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Sieve:
+class PointFilter:
     """Filter of readings: in the box, higher than `low_m`, not behind an edge, and not seen through by another view.
 
     `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and `fuse.not_seen_through`.
@@ -56,7 +56,7 @@ class ObjectView:
         return int(np.count_nonzero(self.mask))
 
 
-def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> ObjectView:
+def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: PointFilter) -> ObjectView:
     """The object's pixels in one frame, as points."""
     camera = frame.camera
     if shadow is not None:
@@ -66,7 +66,7 @@ def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> Objec
     return ObjectView(frame=frame, mask=mask, shadow=shadow, points=points[keep])
 
 
-def surface(views: Sequence[ObjectView], sieve: Sieve) -> Cloud:
+def surface(views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
     """The surface that the views agree on, without outliers; empty where they show nothing."""
     clouds = [_uncontradicted(view, views, sieve) for view in views]
     if not any(len(cloud) for cloud in clouds):
@@ -89,7 +89,7 @@ def told(views: Sequence[ObjectView]) -> tuple[ViewDiagnostics, ...]:
     )
 
 
-def _uncontradicted(view: ObjectView, views: Sequence[ObjectView], sieve: Sieve) -> Cloud:
+def _uncontradicted(view: ObjectView, views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
     """The points of `view` that no other view sees through."""
     keep = np.ones(len(view.points), bool)
     for other in views:

@@ -13,7 +13,7 @@ from app.config import Site
 from app.core.geometry.finger_distance import extent_m, from_core, nearest_m
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.symmetry import Isometry
 
 _CLEARING_STEPS = 12
@@ -66,11 +66,11 @@ class ActionSpace(Protocol):
         """Random allowed actions for the object `x` and the tool there, as the paper draws first actions."""
         ...
 
-    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """The nearest actions, or nearly so, that are allowed now."""
         ...
 
-    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if projection succeeded: the arm may start there."""
         ...
 
@@ -187,7 +187,7 @@ class Pushes:
         steps = np.repeat((length * direction / self.displacements)[chosen, None], self.displacements, axis=1)
         return np.concatenate([start[chosen], steps.reshape(count, -1)], axis=1).astype(np.float32)
 
-    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """Bounded displacements and length, a start beside the object, every waypoint inside the region.
 
         The start moves away from the nearest particle, again and again; between two close parts of a rope that may
@@ -205,7 +205,7 @@ class Pushes:
             points = self._slid(start, steps)
         return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
 
-    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if the finger comes down beside the object (within a tenth of a millimetre) and inside the region.
 
         It must also enter no keep-out rectangle.

@@ -13,7 +13,7 @@ from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions.actions import Reach
 from app.planner.actions.corners import corners
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.symmetry import Isometry
 
 _RAMP = 0.2
@@ -98,7 +98,7 @@ class Carries:
         actions = np.concatenate([np.repeat(steps[:, None], self.moves, axis=1), opening[..., None]], axis=2)
         return actions.reshape(count, -1).astype(np.float32)
 
-    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """Moves of bounded length that end inside the bounds and clear of the rack, one after the other."""
         wanted = actions.reshape(-1, self.moves, 4)
         here, taken = now.tool[:, :3], list[Float[Array, "B 3"]]()
@@ -111,7 +111,7 @@ class Carries:
         opening = jnp.clip(wanted[..., 3:], *self.openings_m)
         return jnp.concatenate([jnp.stack(taken, axis=1), opening], axis=-1).reshape(actions.shape)
 
-    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if every move ends inside the bounds and clear of the rack."""
         places = self._waypoints(actions, now.tool)[:, 1:, :3]
         return jnp.abs(places - self._free(places)).max((1, 2)) <= _EXACT_M

@@ -12,7 +12,7 @@ from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions.actions import Reach
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.symmetry import Isometry
 
 Corner: TypeAlias = tuple[float, float, float]
@@ -72,10 +72,10 @@ class Pours:
         """Evenly from the balls of shifts and turns that are allowed, and then projected."""
         balls = [_in_ball(rng, count, radius) for radius in (self.max_shift_m, self.max_turn_rad)]
         actions = jnp.asarray(np.concatenate(balls, axis=1), jnp.float32)
-        now = Now.at_rest(jnp.tile(jnp.asarray(x)[None, :1], (count, 1, 1)), tool)
+        now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None, :1], (count, 1, 1)), tool)
         return np.asarray(self.project(actions, now))
 
-    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """Shift and turn no longer than allowed; of the turn as much as does not tilt too far; an end in the box."""
         shift, turn = _no_longer(actions[:, :3], self.max_shift_m), _no_longer(actions[:, 3:], self.max_turn_rad)
         place = now.tool[:, :3]
@@ -85,7 +85,7 @@ class Pours:
         share = jnp.where(after > self.max_tilt_rad, share, 1.0)
         return jnp.concatenate([shift, share[:, None] * turn], axis=1)
 
-    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if it ends in the box."""
         end = now.tool[:, :3] + actions[:, :3]
         return jnp.all((end >= jnp.asarray(self.low) - _EDGE_M) & (end <= jnp.asarray(self.high) + _EDGE_M), axis=-1)

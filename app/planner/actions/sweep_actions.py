@@ -12,7 +12,7 @@ from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.symmetry import Isometry
 
 _SAMPLES_PER_BRANCH = 32
@@ -98,7 +98,7 @@ class Sweeps:
         chosen = np.argsort(badness, kind="stable")[:count]
         return np.concatenate([start, start + length[:, None] * ahead], axis=1)[chosen].astype(np.float32)
 
-    def project(self, actions: Float[Array, "B 4"], now: Now) -> Float[Array, "B 4"]:
+    def project(self, actions: Float[Array, "B 4"], now: PlanningState) -> Float[Array, "B 4"]:
         """Project both ends into the region, the length to its bounds, and the start along the sweep to a free place.
 
         Where no place within reach is free, or the region leaves no room for the sweep, `allowed` says so.
@@ -113,7 +113,7 @@ class Sweeps:
         end = start + jnp.minimum(length, self._room(start, ahead))[:, None] * ahead
         return jnp.concatenate([start, end], axis=1)
 
-    def allowed(self, actions: Float[Array, "B 4"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B 4"], now: PlanningState) -> Bool[Array, " B"]:
         """True if the paddle comes down beside the object (within a tenth of a millimetre), and moves at all."""
         low, high = self._bounds()
         start, end = actions[:, :2], actions[:, 2:]

@@ -5,8 +5,8 @@ from dataclasses import replace
 from app.planner.base import Planner
 from app.planner.search.budget import at_least, generation_rollouts, tree_rollouts
 from app.planner.search.cem import CemPlanner, Refit
-from app.planner.search.optimise import Descent
-from app.planner.search.tree import Search
+from app.planner.search.optimise import OptimizerConfig
+from app.planner.search.tree import TreeConfig
 
 GENERATIONS = 5
 LARGEST = 256
@@ -15,7 +15,7 @@ ELITE_SHARE = 8
 """One in so many is an elite."""
 
 
-def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:
+def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """`GENERATIONS` of a population that together simulate as much as the tree, or more generations of `LARGEST`."""
     rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(0)
     generations = max(GENERATIONS, at_least(rollouts, LARGEST * each))

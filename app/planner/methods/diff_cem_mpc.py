@@ -5,8 +5,8 @@ from dataclasses import replace
 from app.planner.base import Planner
 from app.planner.search.budget import at_least, generation_rollouts, tree_rollouts
 from app.planner.search.cem import CemPlanner, Refit
-from app.planner.search.optimise import Descent
-from app.planner.search.tree import Search
+from app.planner.search.optimise import OptimizerConfig
+from app.planner.search.tree import TreeConfig
 
 GENERATIONS = 3
 STEPS = 1
@@ -17,7 +17,7 @@ ELITE_SHARE = 4
 """One in so many is an elite."""
 
 
-def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:
+def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """Generations that together simulate as much as the tree, or more where they would be smaller than `SMALLEST`."""
     rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(STEPS)
     generations = max(GENERATIONS, at_least(rollouts, LARGEST * each))

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 from app.planner.base import Planner
 from app.planner.search.budget import SLOPE_ROLLOUTS, at_least, tree_rollouts
-from app.planner.search.optimise import Descent
+from app.planner.search.optimise import OptimizerConfig
 from app.planner.search.plan import TreePlanner
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 
 
-def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:
+def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """A tree of one branch without a policy, with as many gradient steps as the tree takes of all its branches."""
     steps = at_least(tree_rollouts(search, gradient_steps), SLOPE_ROLLOUTS)
     return TreePlanner(search=replace(search, branches=1, guided=False), descent=descent, gradient_steps=steps)

@@ -2,14 +2,14 @@
 
 from math import ceil
 
-from app.planner.search.tree import Search
+from app.planner.search.tree import TreeConfig
 
 SLOPE_ROLLOUTS = 6
 """A rollout with its gradient takes at most as long as so many without: 5.5 on two CPU cores, 2.5 on a GPU
 (docs/results.md, "The simulator"). Rounded up, as whoever samples alone shall not get less time than the tree."""
 
 
-def tree_rollouts(search: Search, gradient_steps: int) -> int:
+def tree_rollouts(search: TreeConfig, gradient_steps: int) -> int:
     """Rollouts of the paper's tree for a decision: of one candidate over the whole depth, forwards only.
 
     Every branch is grown by the policy once (all but the last of its actions; counted as all), differentiated once a

@@ -12,14 +12,14 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.core.messages import Origin
 from app.core.types import Points
-from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import compile_film, film
-from app.planner.search.tree import Rollout, Search, Start, simulate, start
-from app.policy.base import Now
+from app.planner.search.tree import Rollout, RootBatch, TreeConfig, simulate, start
+from app.policy.base import PlanningState
 
-Improve = Callable[[Float[Array, "B D A"]], Descended]
+Improve = Callable[[Float[Array, "B D A"]], OptimizedRollouts]
 """Simulates the samples of a generation, and may move each of them downhill."""
 
 
@@ -49,9 +49,9 @@ class CemPlanner:
     cross-entropy and gradient-based optimization", algorithm 1).
     """
 
-    search: Search
+    search: TreeConfig
     refit: Refit
-    descent: Descent
+    descent: OptimizerConfig
     gradient_steps: int = 0
 
     def __call__(self, request: PlanRequest) -> Plan:
@@ -71,7 +71,7 @@ class CemPlanner:
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
 
 
-def _first(begun: Start, count: int) -> tuple[Float[Array, "K P"], Now]:
+def _first(begun: RootBatch, count: int) -> tuple[Float[Array, "K P"], PlanningState]:
     """Model and situation of so many branches."""
 
     def head(leaf: Array) -> Array:
@@ -86,7 +86,7 @@ def _key(seed: int) -> PRNGKeyArray:
 
 
 @partial(jax.jit, static_argnums=0)
-def _evolved(planner: CemPlanner, begun: Start, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> Descended:
+def _evolved(planner: CemPlanner, begun: RootBatch, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> OptimizedRollouts:
     search, scale = planner.search, planner.search.space.scale()
     improve = partial(
         descend,
@@ -113,7 +113,7 @@ class _Kept(NamedTuple):
     lost: Int[Array, " K"]
     cost: Float[Array, " K"]
 
-    def with_those(self, found: Descended) -> "_Kept":
+    def with_those(self, found: OptimizedRollouts) -> "_Kept":
         """The best of these and of a generation."""
         new = _Kept(found.best, found.lost_gradients, found.best.judged)
         order = jnp.argsort(jnp.concatenate([new.cost, self.cost]))[: len(self.cost)]
@@ -139,7 +139,7 @@ def evolve(
     *,
     refit: Refit,
     scale: Float32[np.ndarray, " A"],
-) -> Descended:
+) -> OptimizedRollouts:
     """The best `refit.kept` sequences of all generations, the cheapest first, of which `first` is the first.
 
     `cost_before` and `iterates` are by rank: the cost of the first generation as it was sampled, and those of every
@@ -157,7 +157,7 @@ def evolve(
     begin = _Generation(first, Gaussian(first.mean(0), first.std(0)), _none(improve, first, refit.kept))
     end, (before, after) = jax.lax.scan(step, begin, jax.random.split(key, refit.generations))
     best = end.kept.rollout
-    return Descended(best, _known(before[0]), _known(after), end.kept.lost, best.finite)
+    return OptimizedRollouts(best, _known(before[0]), _known(after), end.kept.lost, best.finite)
 
 
 def fit(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import Search, moved, roll_out, start
+from app.planner.search.tree import TreeConfig, moved, roll_out, start
 from app.sim.diagnosis.object_state import ObjectState
 
 
@@ -21,7 +21,7 @@ class Failed(NamedTuple):
     tool: Float[Array, "1 T C"]
 
 
-def failed_action(search: Search, request: PlanRequest) -> Failed | None:
+def failed_action(search: TreeConfig, request: PlanRequest) -> Failed | None:
     """The first one of the tree that the request's seed samples, before descent; None where all branches stay finite.
 
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then

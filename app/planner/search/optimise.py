@@ -20,7 +20,7 @@ Evaluate = Callable[[Float[Array, "B D A"]], Rollout]
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Descent:
+class OptimizerConfig:
     """Settings of gradient descent; steps are in units of the action space's scale.
 
     Each candidate's gradient is clipped to `clip` on its own, so that one which explodes through a contact does not
@@ -37,7 +37,7 @@ class Descent:
         return optax.chain(optax.clip_by_global_norm(self.clip), optax.scale_by_adam(b1=0.7, b2=0.9))
 
 
-class Descended(NamedTuple):
+class OptimizedRollouts(NamedTuple):
     """Each candidate's best iterate, and how it got there.
 
     `best.cost <= cost_before` by construction, as the first iterate is a candidate for the best. `iterates` holds the
@@ -58,7 +58,7 @@ class Descended(NamedTuple):
         return cls(best, iterates[0], iterates, lost, best.finite)
 
 
-Optimise = Callable[[Evaluate, Float[Array, "B D A"], Float32[np.ndarray, " A"]], Descended]
+Optimise = Callable[[Evaluate, Float[Array, "B D A"], Float32[np.ndarray, " A"]], OptimizedRollouts]
 """A planner's own way to better the actions of all candidates, in units of the action space's scale; a pure function
 that JAX can compile."""
 
@@ -85,16 +85,16 @@ def descend(
     actions: Float[Array, "B D A"],
     *,
     steps: int,
-    descent: Descent,
+    descent: OptimizerConfig,
     scale: Float32[np.ndarray, " A"],
-) -> Descended:
+) -> OptimizedRollouts:
     """`steps` gradient steps from `actions`: steps + 1 simulations, and the gradients of the first `steps` of them.
 
     Without steps the actions are what they were, simulated once.
     """
     if not steps:
         rollout = evaluate(actions)
-        return Descended.sampled(rollout, rollout.cost[None])
+        return OptimizedRollouts.sampled(rollout, rollout.cost[None])
     optimiser = descent.optimiser()
 
     def slope(actions: Float[Array, "B D A"]) -> tuple[Rollout, Float[Array, "B D A"], Bool[Array, " B"]]:
@@ -129,7 +129,7 @@ def descend(
     (climber, trial), costs = jax.lax.scan(step, begun, jnp.arange(steps) == 0)
     last = evaluate(trial.actions)
     best = select(_better(last, climber.best), last, climber.best)
-    return Descended(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
+    return OptimizedRollouts(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:

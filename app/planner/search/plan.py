@@ -18,11 +18,11 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.optimise import Descended, Descent, Optimise, descend
+from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
-from app.planner.search.tree import Search, roll_out, simulate, start
-from app.policy.base import AWAY, Now
+from app.planner.search.tree import TreeConfig, roll_out, simulate, start
+from app.policy.base import AWAY, PlanningState
 
 _AGAIN_M = 0.02
 """Distance of the ends of two tool paths within which a motion counts as one that was rejected."""
@@ -54,8 +54,8 @@ class TreePlanner:
     `optimise`: another way to better the branches, instead of descent.
     """
 
-    search: Search
-    descent: Descent
+    search: TreeConfig
+    descent: OptimizerConfig
     gradient_steps: int
     optimise: Optimise | None = None
 
@@ -86,10 +86,10 @@ _rolled_out = jax.jit(roll_out, static_argnums=0)
 def _descended(
     planner: TreePlanner,
     phi: Float[Array, "B P"],
-    now: Now,
+    now: PlanningState,
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
-) -> Descended:
+) -> OptimizedRollouts:
     evaluate, scale = partial(simulate, planner.search, phi, now, goal), planner.search.space.scale()
     if planner.optimise is not None:
         return planner.optimise(evaluate, actions, scale)
@@ -97,8 +97,8 @@ def _descended(
 
 
 def choose(
-    search: Search,
-    found: Descended,
+    search: TreeConfig,
+    found: OptimizedRollouts,
     origins: Sequence[Origin],
     request: PlanRequest,
     *,
@@ -158,20 +158,20 @@ def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
     return any(bool(np.linalg.norm(ends - other[[0, -1]], axis=1).max() < _AGAIN_M) for other in others)
 
 
-def _ways(search: Search, actions: Float[Array, "B A"], tool: ToolPose) -> Float32[np.ndarray, "B T 3"]:
+def _ways(search: TreeConfig, actions: Float[Array, "B A"], tool: ToolPose) -> Float32[np.ndarray, "B T 3"]:
     """Tool paths [m] of all first actions at once: one by one, their transfers would take longer than all the rest."""
     there = jnp.tile(jnp.asarray(tool, jnp.float32), (len(actions), 1))
     return np.asarray(_tool_paths(search, actions, there))
 
 
 @partial(jax.jit, static_argnums=0)
-def _tool_paths(search: Search, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 3"]:
+def _tool_paths(search: TreeConfig, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 3"]:
     return search.space.tool_path(actions, tool)[..., :3]
 
 
 def _branch(
-    search: Search,
-    found: Descended,
+    search: TreeConfig,
+    found: OptimizedRollouts,
     way: Float32[np.ndarray, "T 3"],
     index: int,
     origin: Origin,

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.planner.search.tree import Search
-from app.policy.base import Now
+from app.planner.search.tree import TreeConfig
+from app.policy.base import PlanningState
 
 MOMENTS: Final = 8
 """Moments after now; more if a branch has more actions: the ends of actions are moments."""
@@ -29,7 +29,11 @@ class RolloutFrames(NamedTuple):
 
 
 def film(
-    search: Search, phi: Float[Array, "B P"], now: Now, actions: Float[Array, "B D A"], final: Float[Array, "B N 3"]
+    search: TreeConfig,
+    phi: Float[Array, "B P"],
+    now: PlanningState,
+    actions: Float[Array, "B D A"],
+    final: Float[Array, "B N 3"],
 ) -> RolloutFrames:
     """The branches that make `actions` from `now` on, which end in `final`, or no moments where `search` has no `part`.
 
@@ -43,7 +47,9 @@ def film(
     return RolloutFrames(np.concatenate([frames[:, :-1], thinned(np.asarray(final))[:, None]], axis=1), tools)
 
 
-def compile_film(search: Search, phi: Float[Array, "B P"], now: Now, actions: Float[Array, "B D A"]) -> None:
+def compile_film(
+    search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
+) -> None:
     """Compile what `film` will use."""
     if search.part is not None:
         _filmed.lower(search, phi, now, actions).compile()
@@ -56,7 +62,7 @@ def thinned(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes K
 
 @partial(jax.jit, static_argnums=0)
 def _filmed(
-    search: Search, phi: Float[Array, "B P"], now: Now, actions: Float[Array, "B D A"]
+    search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
 ) -> tuple[Float[Array, "B F K 3"], Float[Array, "B F 3"]]:
     """Action by action, and each of them piece by piece."""
     assert search.part is not None
@@ -71,7 +77,7 @@ def _filmed(
             state = search.part(phi, state, path[:, begin : end + 1], now.x)
             frames.append(state.x)
         rested = state.resting() if search.at_rest else state
-        now = Now(rested, search.space.after(actions[:, step], now.tool))
+        now = PlanningState(rested, search.space.after(actions[:, step], now.tool))
     stride = _stride(now.x.shape[1])
     return jnp.stack(frames, axis=1)[:, :, ::stride], jnp.stack(tools, axis=1)
 

@@ -15,7 +15,7 @@ from app.core.types import Centreline, Points, ToolPose
 from app.planner.actions.actions import ActionSpace
 from app.planner.search.cost import Terms, Weights, step_terms
 from app.planner.search.request import PlanRequest
-from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
+from app.policy.base import AWAY, PlanningState, Policy, Prepared, StatefulPolicy
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State
 
@@ -41,7 +41,7 @@ def at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class TreeConfig:
     """Configuration of the tree search; the same for every decision of a task and preset.
 
     Without `guided` no policy takes part: all actions are drawn at random. `part`: the simulator of a piece of an
@@ -87,17 +87,17 @@ class Rollout(NamedTuple):
         return jnp.where(self.finite & self.allowed, self.cost, jnp.inf)
 
 
-class Start(NamedTuple):
+class RootBatch(NamedTuple):
     """Roots of a tree: model and state of each branch, first actions, and later ones if not by policy."""
 
     prepared: Prepared
     phi: Float[Array, "B P"]
-    now: Now
+    now: PlanningState
     first: Float[Array, "B A"]
     later: Float[Array, "B L A"]
 
 
-def start(search: Search, request: PlanRequest) -> Start:
+def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
     rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
     observed, pose = request.observed, AWAY if request.tool is None else request.tool
@@ -106,7 +106,7 @@ def start(search: Search, request: PlanRequest) -> Start:
     missing = count - len(kept[1])
     random = [search.space.sample(rng, observed, pose, missing)] if missing else []
     later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
-    return Start(
+    return RootBatch(
         prepared=kept[0],
         phi=jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0),
         now=_repeated(here, count),
@@ -116,7 +116,7 @@ def start(search: Search, request: PlanRequest) -> Start:
 
 
 def start_by_policy(
-    search: Search, observed: Points, goal: Points, here: Now
+    search: TreeConfig, observed: Points, goal: Points, here: PlanningState
 ) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
     """The observation as the policy has prepared it, and the action that it takes first in the situation `here`."""
     prepared = search.policy.prepare(observed, goal)
@@ -124,24 +124,24 @@ def start_by_policy(
 
 
 @partial(jax.jit, static_argnums=0)
-def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
+def first_action(policy: Policy, prepared: Prepared, now: PlanningState) -> Float[Array, "B A"]:
     """First action of a policy in a state."""
-    return (policy.first if isinstance(policy, Remembering) else policy.act)(prepared, now).mean
+    return (policy.first if isinstance(policy, StatefulPolicy) else policy.act)(prepared, now).mean
 
 
-def situation(search: Search, observed: Points, tool: ToolPose, near: Centreline | None = None) -> Now:
+def situation(search: TreeConfig, observed: Points, tool: ToolPose, near: Centreline | None = None) -> PlanningState:
     """The object as it is seen and the tool, of one candidate."""
     known = None if near is None else jnp.asarray(near)
-    return Now(search.begin(jnp.asarray(observed)[None], known), jnp.asarray(tool, jnp.float32)[None])
+    return PlanningState(search.begin(jnp.asarray(observed)[None], known), jnp.asarray(tool, jnp.float32)[None])
 
 
 @partial(jax.jit, static_argnums=1)
-def _repeated(here: Now, count: int) -> Now:
+def _repeated(here: PlanningState, count: int) -> PlanningState:
     """The same for `count` candidates."""
     return jax.tree.map(partial(jnp.repeat, repeats=count, axis=0), here)
 
 
-def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
+def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
     """All actions of all branches: after the first, the policy acts on the simulated states, or chance has."""
     now = tree.now
     actions = [search.space.project(tree.first, now)]
@@ -152,16 +152,18 @@ def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
     return jnp.stack(actions, axis=1)
 
 
-def moved(search: Search, phi: Float[Array, "B P"], now: Now, action: Float[Array, "B A"]) -> Now:
+def moved(
+    search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, action: Float[Array, "B A"]
+) -> PlanningState:
     """The situation after an action of each candidate."""
     state = search.advance(phi, now.state, search.space.tool_path(action, now.tool))
-    return Now(state, search.space.after(action, now.tool))
+    return PlanningState(state, search.space.after(action, now.tool))
 
 
 def simulate(
-    search: Search,
+    search: TreeConfig,
     phi: Float[Array, "B P"],
-    now: Now,
+    now: PlanningState,
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Rollout:
@@ -183,7 +185,7 @@ def simulate(
         state = search.advance(phi, seen[-1].state, path)
         made = step_terms(seen[-1].x, state.x, goal, path, search.weights)
         terms = terms.plus(made, search.weights.discount**step)
-        seen.append(Now(state, search.space.after(taken[-1], seen[-1].tool)))
+        seen.append(PlanningState(state, search.space.after(taken[-1], seen[-1].tool)))
     return Rollout(
         actions=jnp.stack(taken, axis=1),
         first=seen[1].x,

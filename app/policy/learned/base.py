@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
 from app.core.types import Points, ToolPose
-from app.policy.base import AWAY, Acted, Now
+from app.policy.base import AWAY, ActionDistribution, PlanningState
 from app.policy.learned.sight import PolicyObservation, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
 from app.sim.diagnosis.object_state import ObjectState
@@ -39,7 +39,7 @@ class Space(Protocol):
         """True if an action may begin anywhere, so that the tool's pose does not matter."""
         ...
 
-    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True for each action that is feasible."""
         ...
 
@@ -47,7 +47,7 @@ class Space(Protocol):
         """The same actions after the table is moved by an isometry."""
         ...
 
-    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """The nearest feasible actions."""
         ...
 
@@ -87,14 +87,16 @@ class Lessons:
     views: Views
     world: TrainingSimulator | None = None
 
-    def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[PolicyObservation], Acted]) -> Acted:
+    def framed(
+        self, goal: Float[Array, "B M 3"], now: PlanningState, act: Callable[[PolicyObservation], ActionDistribution]
+    ) -> ActionDistribution:
         """Action distribution of `act`, computed in the frame of the task's symmetry and moved back to the table."""
         frame = self.symmetry.frame(goal, now.x)
-        here = Now.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
+        here = PlanningState.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
         acted = act(self.seen(frame.places(goal), here))
         return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
-    def seen(self, goal: Float[Array, "B M 3"], now: Now) -> PolicyObservation:
+    def seen(self, goal: Float[Array, "B M 3"], now: PlanningState) -> PolicyObservation:
         """Observation of the policy; a tool whose pose does not matter is shown where it is before the first action.
 
         Its pose after a demonstrated action would reveal which one that was, and simulated situations lack it.
@@ -103,7 +105,7 @@ class Lessons:
         return sight(self.views, goal, now._replace(tool=away) if self.space.anywhere else now)
 
 
-def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
+def _moved(space: Space, acted: ActionDistribution, by: Isometry) -> ActionDistribution:
     """Moved on the table, as actions are; what is spread evenly one way there is so in parts of several here."""
 
     def moved(actions: Float[Array, "B A"]) -> Float[Array, "B A"]:
@@ -113,7 +115,7 @@ def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
         return jax.jvp(moved, (acted.mean,), (acted.spread * number,))[1]
 
     parts = jax.vmap(along)(jnp.eye(acted.mean.shape[1]))
-    return Acted(moved(acted.mean), jnp.linalg.norm(parts, axis=0))
+    return ActionDistribution(moved(acted.mean), jnp.linalg.norm(parts, axis=0))
 
 
 @final
@@ -127,10 +129,10 @@ class Scale(NamedTuple):
         """An action's numbers to a network's."""
         return (actions.reshape(-1, *self.mean.shape) - self.mean) / self.std
 
-    def back(self, moves: Float[Array, "B T K"], spread: Float[Array, "B T K"]) -> Acted:
+    def back(self, moves: Float[Array, "B T K"], spread: Float[Array, "B T K"]) -> ActionDistribution:
         """A network's numbers to actions."""
         shape = (len(moves), -1)
-        return Acted((moves * self.std + self.mean).reshape(shape), (spread * self.std).reshape(shape))
+        return ActionDistribution((moves * self.std + self.mean).reshape(shape), (spread * self.std).reshape(shape))
 
 
 @final
@@ -143,7 +145,7 @@ class Shown(NamedTuple):
 
     seen: PolicyObservation
     goal: Float[Array, "B M 3"]
-    now: Now
+    now: PlanningState
     made: Float[Array, "B W A"]
     after: Float[Array, "B W N 3"]
     counts: Float[Array, "B W"]
@@ -174,7 +176,7 @@ class Learner(Protocol):
         """L: number of actions beyond the next that it predicts."""
         ...
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """Action distribution of the policy."""
         ...
 
@@ -188,7 +190,7 @@ class NextOnly:
         return 0
 
 
-class Prepared(NamedTuple):
+class PolicyContext(NamedTuple):
     """Inputs of a learned policy that stay fixed during planning: parameters, and the goal [m]; a JAX pytree.
 
     `meant`: the action that each of the L last decisions intended for now, newest first, where `told` is 1.
@@ -228,7 +230,7 @@ class LearnedPolicy:
         how = replace(how, world=None)
         return cls(learner=learner, how=how, params=params, scale=scale, digest=digest.hexdigest())
 
-    def prepare(self, observed: Points, goal: Points) -> Prepared:
+    def prepare(self, observed: Points, goal: Points) -> PolicyContext:
         """The goal, beside what was learned and meant."""
         del observed
         ahead, told = self.learner.ahead(self.how), len(self.meant)
@@ -236,9 +238,9 @@ class LearnedPolicy:
         for ago, later in enumerate(self.meant):
             meant[ago] = later[ago]
         known = jnp.asarray(np.arange(ahead) < told, jnp.float32)
-        return Prepared(self.params, self.scale, jnp.asarray(goal)[None], jnp.asarray(meant), known)
+        return PolicyContext(self.params, self.scale, jnp.asarray(goal)[None], jnp.asarray(meant), known)
 
-    def first(self, prepared: Prepared, now: Now) -> Acted:
+    def first(self, prepared: PolicyContext, now: PlanningState) -> ActionDistribution:
         """Mean of `act` and of the actions intended for now before, weighed by exp(-m i), the oldest of i = 0.
 
         Temporal ensembling: Zhao et al. 2023, "Learning fine-grained bimanual manipulation", algorithm 2, lines 5 to 7.
@@ -255,11 +257,11 @@ class LearnedPolicy:
         """The policy after that decision: it remembers the actions that it intends next."""
         if not self.learner.ahead(self.how):
             return self
-        later = _later(self, self.prepare(observed, goal), Now.at_rest(jnp.asarray(observed)[None], tool))
+        later = _later(self, self.prepare(observed, goal), PlanningState.at_rest(jnp.asarray(observed)[None], tool))
         kept = (np.asarray(later[0]), *self.meant)[: self.learner.ahead(self.how)]
         return replace(self, meant=kept)
 
-    def act(self, prepared: Prepared, now: Now) -> Acted:
+    def act(self, prepared: PolicyContext, now: PlanningState) -> ActionDistribution:
         """Action distribution of the network for the observation of each candidate."""
         params, scale, one, *_ = prepared
         goal = jnp.broadcast_to(one, (len(now.x), *one.shape[1:]))
@@ -267,7 +269,7 @@ class LearnedPolicy:
 
 
 @partial(jax.jit, static_argnums=0)
-def _later(policy: LearnedPolicy, prepared: Prepared, now: Now) -> Float[Array, "B L A"]:
+def _later(policy: LearnedPolicy, prepared: PolicyContext, now: PlanningState) -> Float[Array, "B L A"]:
     later = policy.act(prepared, now).later
     assert later is not None, "whoever looks ahead says what comes later"
     return later

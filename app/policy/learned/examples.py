@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned.base import Lessons, Scale, Shown
 from app.policy.symmetry import Isometry
 
@@ -118,13 +118,13 @@ class Batch(NamedTuple):
         new = self._moved(lessons, by)
         if lessons.symmetry.turns:
             return new
-        may = lessons.space.allowed(new.actions, Now.at_rest(new.x)._replace(tool=new.tool))
+        may = lessons.space.allowed(new.actions, PlanningState.at_rest(new.x)._replace(tool=new.tool))
         pairs = zip(new, self, strict=True)
         return type(self)(*(jnp.where(may.reshape(-1, *[1] * (there.ndim - 1)), there, here) for there, here in pairs))
 
     def shown(self, lessons: Lessons) -> Shown:
         """The batch as observed by a learner."""
-        now = Now.at_rest(self.x)._replace(tool=self.tool)
+        now = PlanningState.at_rest(self.x)._replace(tool=self.tool)
         return Shown(lessons.seen(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 
     def _moved(self, lessons: Lessons, by: Isometry) -> Self:

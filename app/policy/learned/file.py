@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from app.core.errors import RecordingError, UsageError
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Learner, Lessons, Params, Scale
 from app.policy.learned.train import Progress, Training
@@ -85,7 +85,9 @@ def _check(path: Path, policy: LearnedPolicy) -> None:
     """Raises RecordingError where an array is missing, of another shape, or holds what is no number."""
     few = np.zeros((_FEW, 3), np.float32)
     try:
-        made = jax.eval_shape(policy.act, policy.prepare(few, few), Now.at_rest(jnp.asarray(few)[None])).mean.shape
+        made = jax.eval_shape(
+            policy.act, policy.prepare(few, few), PlanningState.at_rest(jnp.asarray(few)[None])
+        ).mean.shape
         wrong = "" if made == (1, int(np.prod(policy.how.space.chunk))) else f"it makes actions of {made}"
     except (FlaxError, TypeError, ValueError) as error:
         wrong = str(error).splitlines()[0]

@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeAlias, final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from app.policy.base import Now
+from app.policy.base import PlanningState
 from app.policy.orthographic_views import OrthographicView
 
 Views: TypeAlias = tuple[OrthographicView, ...]
@@ -23,7 +23,7 @@ class PolicyObservation(NamedTuple):
     tool: Float[Array, "B 7"]
 
 
-def sight(views: Views, goal: Float[Array, "B M 3"], now: Now) -> PolicyObservation:
+def sight(views: Views, goal: Float[Array, "B M 3"], now: PlanningState) -> PolicyObservation:
     """Each object [m] beside its goal [m], and the tool."""
     pairs = [(view.picture(now.x), view.picture(goal)) for view in views]
     return PolicyObservation(tuple(jnp.concatenate(both, axis=-1) for both in pairs), _tool(views[0], now.tool))

@@ -15,7 +15,7 @@ from app.recording.read.reader import read_messages
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Taught:
+class Demonstrations:
     """Demonstrations of `task` in a recording (SHA-256 `digest`): transitions in order, and the goal of each [m]."""
 
     task: str
@@ -24,7 +24,7 @@ class Taught:
     goals: tuple[Points, ...]
 
 
-def read_taught(path: Path) -> Taught:
+def read_taught(path: Path) -> Demonstrations:
     """Demonstrations in the file. Raises as `read_messages`, and RecordingError where no action has a goal."""
     task, goal = "", np.zeros((0, 3), np.float32)
     transitions, goals = list[Transition](), list[Points]()
@@ -41,4 +41,4 @@ def read_taught(path: Path) -> Taught:
                 pass
     if not transitions:
         raise RecordingError(f"{path} shows nothing that was done towards a goal; leave it out, or record it again.")
-    return Taught(task=task, digest=digests.digest(path), transitions=tuple(transitions), goals=tuple(goals))
+    return Demonstrations(task=task, digest=digests.digest(path), transitions=tuple(transitions), goals=tuple(goals))

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.results.case import Arrows, Case
+from app.discovery.results.case import Case, ResidualField
 from app.report.drawing.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
 from app.report.drawing.ground import ground, surface, table_bounds
 from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
@@ -57,12 +57,12 @@ def _map_figure(case: Case) -> Markup:
     )
 
 
-def lengths_mm(arrows: Arrows) -> Float64[np.ndarray, " M"]:
+def lengths_mm(arrows: ResidualField) -> Float64[np.ndarray, " M"]:
     """Lengths of the residuals [mm]."""
     return 1e3 * np.linalg.norm(arrows.displacements.astype(np.float64), axis=1)
 
 
-def _said(arrows: Arrows) -> str:
+def _said(arrows: ResidualField) -> str:
     """Sentence on the agreement of the arrows."""
     mean, size = 1e3 * arrows.displacements.mean(0), float(lengths_mm(arrows).mean())
     common = float(np.linalg.norm(mean))
@@ -74,12 +74,14 @@ def _said(arrows: Arrows) -> str:
     return f"{means}; their directions differ, so no constant offset explains them."
 
 
-def _layer(p: Plot, arrows: Arrows, chosen: np.ndarray, shade: float, times: float, key: str, step: int) -> Markup:
+def _layer(
+    p: Plot, arrows: ResidualField, chosen: np.ndarray, shade: float, times: float, key: str, step: int
+) -> Markup:
     paths = _paths(p, arrows.places[chosen][::step], arrows.displacements[chosen][::step], shade, times, 5.0)
     return tag("g", paths, data_of="field", data_key=key)
 
 
-def _means(p: Plot, arrows: Arrows, shade: float, times: float) -> Markup:
+def _means(p: Plot, arrows: ResidualField, shade: float, times: float) -> Markup:
     """The mean residual of each square of the table with enough of them."""
     cells, index = np.unique(np.floor(arrows.places / _CELL_M), axis=0, return_inverse=True)
     counts = np.bincount(index.ravel(), minlength=len(cells))
@@ -123,7 +125,7 @@ def _range(k: int, shade: float) -> str:
     return f"over {low} mm" if k == _SHADES - 1 else f"{low} to {high} mm"
 
 
-def _along_figure(arrows: Arrows) -> Markup:
+def _along_figure(arrows: ResidualField) -> Markup:
     """The size of residuals along the object: median, and the range of 80 % of them."""
     sizes, edges = lengths_mm(arrows), np.linspace(-1, 1, _BINS + 1)
     bins = np.clip(np.digitize(arrows.along, edges) - 1, 0, _BINS - 1)
@@ -156,7 +158,7 @@ def _where(middles: list[float], median: list[float]) -> str:
     return f"worst {place}, at {decimal(middles[worst], 1)}."
 
 
-def _pushes_figure(arrows: Arrows) -> Markup:
+def _pushes_figure(arrows: ResidualField) -> Markup:
     """The mean size of residuals, push by push."""
     sizes, pushes = lengths_mm(arrows), np.unique(arrows.push)
     means = [float(sizes[arrows.push == push].mean()) for push in pushes]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import final
 
-from app.discovery.results.case import Blame, Estimate
+from app.discovery.results.case import CauseResult, Estimate
 
 
 @final
@@ -21,7 +21,7 @@ class Size:
     """Name of the parameter, or of the effect where the size is a length."""
 
 
-def size(blame: Blame) -> Size:
+def size(blame: CauseResult) -> Size:
     """The size of a cause.
 
     Its active parameters are the leading estimates of one unit: those in another unit give place or form. A single one

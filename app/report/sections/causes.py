@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from app.discovery.results.case import Blame, Case
+from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import details, figure, paragraph, table
 from app.report.drawing.markup import Markup, joined, tag
@@ -32,13 +32,13 @@ def causes(case: Case) -> Markup:
     return joined([shown, details(f"{len(others)} less likely causes", _table(others, chosen))]) if others else shown
 
 
-def _table(blames: list[Blame], chosen: set[str]) -> Markup:
+def _table(blames: list[CauseResult], chosen: set[str]) -> Markup:
     heads = ("Cause", "Probability", "", "Size", "90 % interval", "log Bayes factor")
     rows = [_row(blame, blame.effect in chosen) for blame in blames]
     return table(heads, rows, numbers=(1, 3, 4, 5), kind="causes")
 
 
-def _row(blame: Blame, chosen: bool) -> tuple[Markup, str, Markup, str, str, str]:
+def _row(blame: CauseResult, chosen: bool) -> tuple[Markup, str, Markup, str, str, str]:
     whole = size(blame)
     numbers = (whole.value, whole.low, whole.high, whole.unit)
     name = joined(
@@ -57,7 +57,7 @@ def _row(blame: Blame, chosen: bool) -> tuple[Markup, str, Markup, str, str, str
     )
 
 
-def _about(blame: Blame) -> str:
+def _about(blame: CauseResult) -> str:
     """Description of the cause, without its name where that comes first."""
     name, colon, rest = blame.about.partition(": ")
     return rest if colon and len(name) < 80 else blame.about

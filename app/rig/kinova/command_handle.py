@@ -15,7 +15,7 @@ from app.rig.kinova.api.error_messages import TRAJECTORY_INFO, refusal
 from app.rig.kinova.api.messages import ActionNotification
 from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.trajectory_segments import Stretch
+from app.rig.kinova.trajectory_segments import TrajectorySegment
 
 NEAR_M, NEAR_RAD = 0.004, np.radians(3.0)
 """Distance and angle from its end within which the tool has arrived. Arms report ends not reached (ros_kortex #116)."""
@@ -23,12 +23,12 @@ _POLL_S, _SETTLE_S, _SLACK_S, _SLOWER = 0.010, 0.5, 12.0, 3.0
 _FINGERS_S, _FINGERS_STILL_S, _CLOSE_ENOUGH = 3.0, 0.3, 0.02
 
 
-class Superseded(Exception):
+class Preempted(Exception):
     """A stop has come since; the command is not continued."""
 
 
 @final
-class Errand:
+class CommandHandle:
     """Handle of a command: `begun` once something moves; `over` once it has ended, `problem` then gives its error.
 
     `refusal`: the arm rejected it, and nothing has moved.
@@ -45,10 +45,10 @@ class Errand:
 
 
 def made(
-    errand: Errand,
+    errand: CommandHandle,
     kortex: Kortex,
     grip: Callable[[float], None],
-    stretches: tuple[Stretch, ...],
+    stretches: tuple[TrajectorySegment, ...],
     check: Callable[[], None],
     look: Callable[[], ArmFeedback],
 ) -> None:
@@ -74,7 +74,7 @@ def made(
             _close(stretch.closed, check, look)
 
 
-def _go(errand: Errand, kortex: Kortex, stretch: Stretch, check: Callable[[], None]) -> None:
+def _go(errand: CommandHandle, kortex: Kortex, stretch: TrajectorySegment, check: Callable[[], None]) -> None:
     """Follow the waypoints until the arm reports the end."""
     kortex.events()
     check()

@@ -18,7 +18,7 @@ from app.core.types import ToolPath, ToolPose
 from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
 from app.rig.kinova.client.clients import DEFAULT, linked
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.command_handle import Errand
+from app.rig.kinova.command_handle import CommandHandle
 from app.rig.kinova.driver import Driver
 from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.gen3 import Joints
@@ -77,9 +77,9 @@ class KinovaControl:
         blind_s: float,
     ) -> None:
         self._driver, self._limits, self._joints_of, self._blind_s = driver, site.limits, joints_of, blind_s
-        self._errand: Errand | None = None
+        self._errand: CommandHandle | None = None
         self._refusal: MotionRefused | None = None
-        self._clearing: Errand | None = None
+        self._clearing: CommandHandle | None = None
         self._path: Along | None = None
         self._jogging: Jogging | None = None
         self._by: int | None = None
@@ -232,7 +232,7 @@ class KinovaControl:
             self._by = seen.by
         return self._by is not None and seen.by != self._by
 
-    def _follow(self, errand: Errand, duration_s: float) -> None:
+    def _follow(self, errand: CommandHandle, duration_s: float) -> None:
         """Update the progress and the end of a motion."""
         if self._path is not None and errand.begun:
             speed_m_s = self._limits.speed_m_s

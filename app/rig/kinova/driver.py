@@ -18,11 +18,11 @@ from app.config import Site
 from app.core.errors import DeviceError
 from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.arm_configuration_check import Holds, OwnLimits, check
-from app.rig.kinova.command_handle import Errand, Superseded, made
+from app.rig.kinova.command_handle import CommandHandle, Preempted, made
 from app.rig.kinova.feedback_conversion import ArmFeedback, seen
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.trajectory_segments import Stretch, in_base
+from app.rig.kinova.trajectory_segments import TrajectorySegment, in_base
 
 FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
 """Periods [s] of feedback, of keep-alive, and of twists: the arm executes 40 commands a second."""
@@ -37,7 +37,7 @@ _OURS = "dipac "
 BACK_OFF_S = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
 _STOP_S, _STOPS, _FIRST_S, _JOIN_S, _CLEAR_S = 0.3, 3, 3.0, 3.0, 3.0
 _Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
-_Body: TypeAlias = Callable[[int, Errand], None]
+_Body: TypeAlias = Callable[[int, CommandHandle], None]
 
 
 @final
@@ -53,7 +53,7 @@ class Driver:
         self._own_limits, self._grip = OwnLimits(kortex), Grip(kortex, site.limits.gripper_ma)
         self._seen: ArmFeedback | None = None
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
-        self._errands = deque[tuple[int, Errand, _Body]]()
+        self._errands = deque[tuple[int, CommandHandle, _Body]]()
         self._twist: _Velocity | None = None
         self._twist_s = 0.0
         self._stops = self._pulses = self._asked = self._answered = 0
@@ -108,20 +108,20 @@ class Driver:
         """Heartbeat of the controller: keeps the session alive for a little longer."""
         self._pulses += 1
 
-    def go(self, stretches: tuple[Stretch, ...]) -> Errand:
+    def go(self, stretches: tuple[TrajectorySegment, ...]) -> CommandHandle:
         """Have the arm validate all segments, then execute them in order; they are in the table's frame."""
         told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
-        def body(number: int, errand: Errand) -> None:
+        def body(number: int, errand: CommandHandle) -> None:
             made(errand, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
 
         return self._send(body)
 
-    def clear(self) -> Errand:
+    def clear(self) -> CommandHandle:
         """Have the arm leave its fault."""
         return self._send(lambda _number, _errand: self._clear())
 
-    def grip(self, closed: float) -> Errand:
+    def grip(self, closed: float) -> CommandHandle:
         """Move the fingers: 0 open to 1 closed. The tool goes on with its motion."""
         return self._send(lambda _number, _errand: self._grip.close(closed), ends_twist=False)
 
@@ -145,8 +145,8 @@ class Driver:
             errand.end("It was stopped before it began.")
         self._stop.set()
 
-    def _send(self, body: _Body, *, ends_twist: bool = True) -> Errand:
-        errand = Errand()
+    def _send(self, body: _Body, *, ends_twist: bool = True) -> CommandHandle:
+        errand = CommandHandle()
         with self._work:
             self._twist = None if ends_twist else self._twist
             self._errands.append((self._stops, errand, body))
@@ -158,7 +158,7 @@ class Driver:
 
         def check() -> None:
             if self._stops != number or self._over.is_set() or self.trouble:
-                raise Superseded
+                raise Preempted
 
         return check
 
@@ -285,11 +285,11 @@ class Driver:
         if self._stops != number:
             self._stop.set()  # A stop came while it was sent, and may have been heard before it.
 
-    def _run(self, number: int, errand: Errand, body: _Body) -> None:
+    def _run(self, number: int, errand: CommandHandle, body: _Body) -> None:
         problem = ""
         try:
             body(number, errand)
-        except Superseded:
+        except Preempted:
             problem = "It was stopped."
         except DeviceError as error:
             problem = str(error)

@@ -8,7 +8,7 @@ less than 3 mm outside of all capsules, and the farthest is 5.3 mm; the mask of 
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.arm_geometry import ArmShape, Joint, Limb
+from app.core.geometry.arm_geometry import ArmShape, Joint, LinkCapsule
 from app.core.geometry.scene_description import Finger, Paddle, Tool, Vector
 from app.rig.kinova.gen3 import FIXED, FLANGE_M, Joints, frames
 
@@ -45,7 +45,7 @@ _SHANK_M, _HELD_M = 0.012, 0.09
 def known_gen3(tool: Tool, tip_m: float) -> ArmShape:
     """The arm whose gripper is this tool, or holds it with its tip `tip_m` from the flange, along its axis."""
     joints = tuple(Joint(T_link_joint=fixed, axis=_Z) for fixed in FIXED)
-    limbs = [Limb(link=link, begin=begin, end=end, radius_m=radius) for link, begin, end, radius in _LINKS]
+    limbs = [LinkCapsule(link=link, begin=begin, end=end, radius_m=radius) for link, begin, end, radius in _LINKS]
     limbs += [_on_flange(*each) for each in _gripper(tool, tip_m)]
     return ArmShape(joints=joints, limbs=tuple(limbs), tool=tool)
 
@@ -68,7 +68,7 @@ def _gripper(tool: Tool, tip_m: float) -> list[tuple[Vector, Vector, float]]:
             return [*_GRIPPER]
 
 
-def _on_flange(begin: Vector, end: Vector, radius_m: float) -> Limb:
+def _on_flange(begin: Vector, end: Vector, radius_m: float) -> LinkCapsule:
     """A capsule in the flange's frame: that of the last link, turned by half about x, at its end."""
     (x0, y0, z0), (x1, y1, z1) = begin, end
-    return Limb(link=7, begin=(x0, -y0, -FLANGE_M - z0), end=(x1, -y1, -FLANGE_M - z1), radius_m=radius_m)
+    return LinkCapsule(link=7, begin=(x0, -y0, -FLANGE_M - z0), end=(x1, -y1, -FLANGE_M - z1), radius_m=radius_m)

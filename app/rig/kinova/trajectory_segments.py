@@ -24,7 +24,7 @@ _SLOWEST_M_S, _SLOWEST_DEG_S = 0.002, 0.5
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stretch:
+class TrajectorySegment:
     """Trajectory segment: fingers that go to `closed` (0 to 1; None: stay), while the tool follows `ways` to `end`.
 
     Without waypoints the fingers are waited for.
@@ -38,9 +38,9 @@ class Stretch:
 
 def stretches(
     points: ToolPath, speeds: Float64[np.ndarray, " S"], opening_m: float, angular_rad_s: float
-) -> tuple[Stretch, ...]:
+) -> tuple[TrajectorySegment, ...]:
     """Trajectory segments of `points (P, 8)`, each at its speed [m/s], for fingers that open by `opening_m`."""
-    found, begin, closed = list[Stretch](), 0, None
+    found, begin, closed = list[TrajectorySegment](), 0, None
     for index in range(1, len(points)):
         if abs(points[index, 7] - points[index - 1, 7]) <= _OPENED_M:
             continue
@@ -56,7 +56,7 @@ def stretches(
     return tuple(found)
 
 
-def in_base(stretch: Stretch, table: TablePlace) -> Stretch:
+def in_base(stretch: TrajectorySegment, table: TablePlace) -> TrajectorySegment:
     """The segment with its waypoints in the frame of the arm's base; `end` stays in the table's, like measurements."""
     if table == AT_BASE:
         return stretch
@@ -69,14 +69,14 @@ def _way_in_base(way: CartesianWaypoint, table: TablePlace) -> CartesianWaypoint
 
 def _stretch(
     closed: float | None, points: ToolPath, speeds: Float64[np.ndarray, " S"], angular_rad_s: float
-) -> Stretch:
+) -> TrajectorySegment:
     legs = [
         _leg(before, after, float(speed), angular_rad_s)
         for before, after, speed in zip(points, points[1:], speeds, strict=False)
     ]
     kept = [index for index, (moves, _, _) in enumerate(legs) if moves]
     corners = _radii(points[[0, *(index + 1 for index in kept)], :3]) if kept else []
-    return Stretch(
+    return TrajectorySegment(
         closed=closed,
         ways=tuple(
             _waypoint(points[index + 1], legs[index][1], radius) for index, radius in zip(kept, corners, strict=True)

@@ -11,7 +11,7 @@ from anyio import to_thread
 from app.core.system.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.memory import CaptureMemory, CaptureReport
-from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, Patience, climbed
+from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, RecoveryTimeouts, climbed
 from app.rig.realsense.sdk.sources import Source
 from app.rig.realsense.settings import StreamSettings
 
@@ -28,7 +28,7 @@ class Keeper:
     `known`: it has given an image, or was searched for several times in vain.
     """
 
-    def __init__(self, name: str, source: Source, settings: StreamSettings, patience: Patience) -> None:
+    def __init__(self, name: str, source: Source, settings: StreamSettings, patience: RecoveryTimeouts) -> None:
         self.memory = CaptureMemory(settings)
         self.known, self._in_vain = anyio.Event(), 0
         self._name, self._source, self._settings, self._patience = name, source, settings, patience

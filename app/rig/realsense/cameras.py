@@ -12,25 +12,25 @@ from app.core.shared_memory_camera import SharedMemoryCamera
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.camera_supervisor import Keeper
-from app.rig.realsense.recovery_policy import Patience
+from app.rig.realsense.recovery_policy import RecoveryTimeouts
 
 _START_S = 30.0
 
 
 def realsense_cameras(
-    mounted: Sequence[Mounted], timing: Timing, *, patience: Patience | None = None, start_s: float = _START_S
+    mounted: Sequence[Mounted], timing: Timing, *, patience: RecoveryTimeouts | None = None, start_s: float = _START_S
 ) -> AbstractAsyncContextManager[Sequence[RealSenseCamera]]:
     """The cameras, each streaming in a supervised process of its own until the block is left.
 
     Raises DeviceError on entry, with the problem, where one is missing, gives no image within `start_s`, or differs
     from its calibration.
     """
-    return _opened(mounted, timing, patience or Patience(), start_s)
+    return _opened(mounted, timing, patience or RecoveryTimeouts(), start_s)
 
 
 @asynccontextmanager
 async def _opened(
-    mounted: Sequence[Mounted], timing: Timing, patience: Patience, start_s: float
+    mounted: Sequence[Mounted], timing: Timing, patience: RecoveryTimeouts, start_s: float
 ) -> AsyncGenerator[Sequence[RealSenseCamera]]:
     keepers = [
         await to_thread.run_sync(Keeper, each.name, each.source, each.settings, patience)  # Makes memory, which blocks.

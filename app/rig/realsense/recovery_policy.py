@@ -32,7 +32,7 @@ _DOING: Mapping[Step, str] = {
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Patience:
+class RecoveryTimeouts:
     """Timeouts of the recovery [s].
 
     A camera of the D400 kind takes about a second from start to first image; LeRobot waits 5 s for one to come back
@@ -110,7 +110,7 @@ class Ladder:
         return f"no image for {max(0.0, now_s - self.lost_s):.0f} s{f' ({self.why})' if self.why else ''}: {doing}"
 
 
-def climbed(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
+def climbed(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Next state of the recovery, and the command for the process."""
     if ladder.phase == "ended":
         return ladder, None
@@ -127,7 +127,7 @@ def climbed(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[L
     return _awaited(ladder, sight, patience)
 
 
-def _watched(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
+def _watched(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Watch incoming images; take the first step when they stop."""
     late = sight.now_s - sight.image_s > patience.late_s
     if late or sight.step == "failed":
@@ -138,7 +138,7 @@ def _watched(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[
     return ladder, None
 
 
-def _awaited(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
+def _awaited(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Wait for the first image after a command."""
     if sight.image_s > ladder.since_s:
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
@@ -150,7 +150,7 @@ def _awaited(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[
     return ladder, None
 
 
-def _failed(ladder: Ladder, sight: CaptureStatus, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
+def _failed(ladder: Ladder, sight: CaptureStatus, why: str, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Take the step after a failed one. A camera that never worked is not reset: another program may be using it."""
     here = replace(ladder, since_s=sight.now_s, why=why)
     if sight.absent:
@@ -168,7 +168,9 @@ def _again(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]
     return replace(ladder, phase="opening", since_s=sight.now_s), "open"
 
 
-def _to_replace(ladder: Ladder, sight: CaptureStatus, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
+def _to_replace(
+    ladder: Ladder, sight: CaptureStatus, why: str, patience: RecoveryTimeouts
+) -> tuple[Ladder, Action | None]:
     """Replace the process: at once the first time, later ones after growing delays."""
     wait_s = _back_off_s(ladder.failures, patience) if ladder.failures else 0.0
     gone = replace(ladder, phase="replacing", until_s=sight.now_s + wait_s, failures=ladder.failures + 1, why=why)
@@ -184,7 +186,7 @@ def _replaced(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | No
     return replace(ladder, phase="starting", since_s=sight.now_s), "replace"
 
 
-def _hung(sight: CaptureStatus, patience: Patience) -> str:
+def _hung(sight: CaptureStatus, patience: RecoveryTimeouts) -> str:
     """Description of a hanging call; empty where none is indicated."""
     quiet_s = sight.now_s - sight.pulse_s
     if quiet_s <= _silence_s(sight.step, patience):
@@ -192,13 +194,13 @@ def _hung(sight: CaptureStatus, patience: Patience) -> str:
     return f"its process said nothing for {quiet_s:.0f} s while {_DOING[sight.step]}"
 
 
-def _silence_s(step: Step, patience: Patience) -> float:
+def _silence_s(step: Step, patience: RecoveryTimeouts) -> float:
     """Longest time without a heartbeat [s]."""
     if step in _LIVELY:
         return patience.quiet_s
     return patience.close_s if step == "closing" else patience.slow_s
 
 
-def _back_off_s(failures: int, patience: Patience) -> float:
+def _back_off_s(failures: int, patience: RecoveryTimeouts) -> float:
     """Delay before the next try [s]: 1, 2, 4, ... times the first, up to the longest."""
     return min(patience.back_off_s * 2.0 ** min(failures - 1, 30), patience.longest_back_off_s)

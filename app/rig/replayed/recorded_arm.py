@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from typing import final
 
-from app.core.geometry.arm_geometry import JointAngles, Posture
+from app.core.geometry.arm_geometry import JointAngles, JointState
 from app.core.messages import ArmState
 from app.core.types import ToolPose
 from app.flow.arm_pose_history import posed
@@ -20,7 +20,7 @@ class RecordedArm:
 
     def __init__(self, states: Sequence[ArmState], recorded_s: Callable[[], float]) -> None:
         self._times_s = [state.time_s for state in states]
-        self._postures = [Posture(joints=state.joints, tool=state.tool) for state in states]
+        self._postures = [JointState(joints=state.joints, tool=state.tool) for state in states]
         self._recorded_s = recorded_s
 
     def tool(self) -> ToolPose:
@@ -31,7 +31,7 @@ class RecordedArm:
         """Joint angles in the present images; from any thread."""
         return self._posture().joints
 
-    def _posture(self) -> Posture:
+    def _posture(self) -> JointState:
         time_s = self._recorded_s()
         later = bisect_left(self._times_s, time_s)
         around = slice(max(later - 1, 0), later + 1)

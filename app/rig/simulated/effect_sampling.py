@@ -9,7 +9,7 @@ import numpy as np
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope, RopeModel
 from app.rig.simulated import injected_effects as hidden_files
-from app.rig.simulated.injected_effects.base import Hidden, Injected
+from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
 from app.sim.files import files_of
 
@@ -46,7 +46,7 @@ def known() -> dict[str, Hidden]:
     return {name: module.HIDDEN for name, module in files_of(hidden_files)}
 
 
-def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[Injected, ...]:
+def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:
     """The effects with random directions, positions and signs of `seed`, in alphabetical order.
 
     Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
@@ -54,11 +54,11 @@ def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[Injected, ...]:
     """
     rng = np.random.default_rng([seed, _DRAWS])
     return tuple(
-        Injected(name=name, effect=effect, values=effect.draw(size, rng)) for name, effect, size in _found(wishes)
+        InjectedEffect(name=name, effect=effect, values=effect.draw(size, rng)) for name, effect, size in _found(wishes)
     )
 
 
-def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
+def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
     """Raises UsageError where the rope's world does not support an effect: a cable supports none of its own."""
     names = [each.name for each in hidden if each.effect.in_world]
     if world != "chain" and names:
@@ -84,7 +84,7 @@ def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) ->
     )
 
 
-def described(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
+def described(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
     """The effects with their values, as stored in a sealed file."""
     return [
         {

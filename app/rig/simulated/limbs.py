@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.geometry.arm_geometry import ArmShape, Joint, Limb
+from app.core.geometry.arm_geometry import ArmShape, Joint, LinkCapsule
 from app.core.geometry.scene_description import Tool
 from app.rig.simulated.cameras.appearance import RODS
 from app.rig.simulated.worlds.arm_model import OFFSETS_M
@@ -20,10 +20,10 @@ def _joint(index: int) -> Joint:
     return Joint(T_link_joint=place, axis=(0.0, 1.0, 0.0) if index % 2 else (0.0, 0.0, 1.0))
 
 
-def _limb(link: int, low: float, high: float, radius_m: float) -> Limb:
+def _limb(link: int, low: float, high: float, radius_m: float) -> LinkCapsule:
     """Capsule of a rod with flat ends: its round ends begin a radius inside, where the rod is long enough."""
     inset = min(0.5 * radius_m, (high - low) / 2)
-    return Limb(link=link + 1, begin=(0.0, 0.0, low + inset), end=(0.0, 0.0, high - inset), radius_m=radius_m)
+    return LinkCapsule(link=link + 1, begin=(0.0, 0.0, low + inset), end=(0.0, 0.0, high - inset), radius_m=radius_m)
 
 
 _LIMBS = tuple(_limb(rod.link, rod.low, rod.high, rod.radius) for rod in RODS)

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.policy.random_pushes import PushDesign, midway_s, random_track
-from app.rig.simulated.injected_effects.base import Injected
+from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
@@ -60,7 +60,7 @@ class PushSample:
 
 
 def rehearse(
-    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[InjectedEffect], seed: int
 ) -> Iterator[PushSample]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
     session = PushSession(task, plan, physics, hidden, seed)
@@ -74,7 +74,7 @@ class PushSession:
     """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
 
     def __init__(
-        self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+        self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[InjectedEffect], seed: int
     ) -> None:
         self.task, self.plan = task, plan
         self.number = 0
@@ -163,7 +163,7 @@ def first_end(task: Task, plan: PushDesign, seed: int) -> Float64[np.ndarray, "2
 class _Arm:
     """The arm with its injected effects."""
 
-    def __init__(self, hidden: Sequence[Injected]) -> None:
+    def __init__(self, hidden: Sequence[InjectedEffect]) -> None:
         self._driving = [each for each in hidden if each.effect.drive is not None]
         late = [each.effect.late_s(each.values) for each in hidden if each.effect.late_s is not None]
         self.late_s = sum(late, 0.0)

@@ -13,7 +13,7 @@ import warp as wp
 from app.sim.codegen.kernel_codegen import Code
 from app.sim.constants import Constants, Matter
 from app.sim.effect_composition import columns
-from app.sim.effects.base import Grain
+from app.sim.effects.base import ParticleContext
 from app.sim.model.params import NOMINAL_PHYSICS
 
 
@@ -75,9 +75,9 @@ def place_of(b: int, s: int, listing: int, slot: int, stamp: int) -> Place:
 
 
 @wp.func
-def grain_of(k: Constants, label: wp.vec4, time: float, every: int) -> Grain:
+def grain_of(k: Constants, label: wp.vec4, time: float, every: int) -> ParticleContext:
     """A particle as effects see it."""
-    grain = Grain()
+    grain = ParticleContext()
     grain.label = label
     grain.time = time
     grain.dt = k.dt

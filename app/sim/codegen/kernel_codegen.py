@@ -14,7 +14,7 @@ from app.sim.codegen.tool_composition import Part, touching
 from app.sim.constants import Constants, Matter
 from app.sim.contact import pinch, table_contact, tool_contact
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Effect, Grain, Node, WarpFunction
+from app.sim.effects.base import Effect, NodeContext, ParticleContext, WarpFunction
 from app.sim.materials.base import Law
 
 
@@ -60,7 +60,7 @@ def particle_function(code: Code, law: Law, hooks: Hooks) -> WarpFunction:
         k: Constants,
         m: Matter,
         phi: Any,
-        grain: Grain,
+        grain: ParticleContext,
         x: wp.vec3,
         v: wp.vec3,
         C: wp.mat33,
@@ -91,7 +91,7 @@ def particle_work(particle: WarpFunction) -> WarpFunction:
         k: Constants,
         m: Matter,
         phi: Any,
-        grain: Grain,
+        grain: ParticleContext,
         x: wp.vec3,
         v: wp.vec3,
         C: wp.mat33,
@@ -121,7 +121,7 @@ def node_function(code: Code, hooks: Hooks) -> WarpFunction:
     grips = code.grips()
 
     @wp.func
-    def velocity(k: Constants, phi: Any, node: wp.vec4, place: Node, touch: wp.vec4, aim: wp.vec4) -> wp.vec3:
+    def velocity(k: Constants, phi: Any, node: wp.vec4, place: NodeContext, touch: wp.vec4, aim: wp.vec4) -> wp.vec3:
         here = place
         v = k.decay * (wp.vec3(node[0], node[1], node[2]) / node[3]) - wp.vec3(0.0, 0.0, k.gravity * k.dt)
         v = node_velocity(v, here, phi)
@@ -142,7 +142,7 @@ def node_work(velocity: WarpFunction) -> WarpFunction:
 
     @wp.func
     def work(
-        k: Constants, phi: Any, node: wp.vec4, place: Node, touch: wp.vec4, aim: wp.vec4, v_bar: wp.vec3
+        k: Constants, phi: Any, node: wp.vec4, place: NodeContext, touch: wp.vec4, aim: wp.vec4, v_bar: wp.vec3
     ) -> wp.float32:
         return wp.dot(v_bar, velocity(k, phi, node, place, touch, aim))
 

@@ -13,7 +13,7 @@ import warp as wp
 from app.sim.constants import Constants, Shape
 from app.sim.contact import FAR, LEAST_TOUCH, sigmoid, touch_aim, touch_share
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.tools.base import COORDINATES, Motion, Primitive, Tool
 
 PATIENCE = 20.0
@@ -90,7 +90,7 @@ def barrier(parts: Sequence[Part]) -> WarpFunction | None:
 
 
 @wp.func
-def _touches_nothing(_k: Constants, _x: wp.vec3, _m: float, _now: Any, _then: Any, _grain: Grain, _phi: Any):
+def _touches_nothing(_k: Constants, _x: wp.vec3, _m: float, _now: Any, _then: Any, _grain: ParticleContext, _phi: Any):
     return wp.vec4(), wp.vec4()
 
 
@@ -104,7 +104,7 @@ def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpF
     patience = wp.constant(PATIENCE if part.thin else 1.0)
 
     @wp.func
-    def touch_all(k: Constants, x: wp.vec3, m: float, now: Any, then: Any, grain: Grain, phi: Any):
+    def touch_all(k: Constants, x: wp.vec3, m: float, now: Any, then: Any, grain: ParticleContext, phi: Any):
         touch, aim = before(k, x, m, now, then, grain, phi)
         p = into(k.shapes[i], x, now)
         n, distance, cover = surface(k.shapes[i], p)

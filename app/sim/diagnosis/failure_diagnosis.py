@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from app.core.errors import ParameterError
-from app.sim.diagnosis.faults import KEPT, Autopsy, SimulationFault
+from app.sim.diagnosis.faults import KEPT, FailureDiagnosis, SimulationFault
 from app.sim.model.registry import kind_name
 from app.sim.mpm.simd_layout import unpack
 from app.sim.runtime.checks import Arrays, Setup, first, inside, require_inputs, require_shapes, room, words
@@ -65,7 +65,7 @@ class MpmCase:
             f"tools: {tools}, {len(self.setup.effects)} effects"
         )
 
-    def dissect(self) -> "Autopsy[SimulationTrace, State]":
+    def dissect(self) -> "FailureDiagnosis[SimulationTrace, State]":
         """See `dissect`."""
         return dissect(self)
 
@@ -116,7 +116,7 @@ def single(
     )
 
 
-def dissect(case: MpmCase) -> Autopsy[SimulationTrace, State]:
+def dissect(case: MpmCase) -> FailureDiagnosis[SimulationTrace, State]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_shapes(case.phi, case.state, case.tool, case.setting, case.setup.sizes())
     objection = _objection(case)
@@ -137,7 +137,7 @@ def dissect(case: MpmCase) -> Autopsy[SimulationTrace, State]:
         if broken is not None:
             failed = at
             break
-    return Autopsy(
+    return FailureDiagnosis(
         steps=case.substeps,
         unit="substep",
         failed=failed,

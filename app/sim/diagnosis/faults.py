@@ -45,7 +45,7 @@ class SimulationFault:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Autopsy(Generic[TraceT, StateT]):
+class FailureDiagnosis(Generic[TraceT, StateT]):
     """Diagnosis of a simulation that became non-finite.
 
     `failed`: the number of steps of the shortest rollout that is not finite; None if all are. `objection`: the defect

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.errors import ParameterError
-from app.sim.diagnosis.faults import KEPT, Autopsy, SimulationFault
+from app.sim.diagnosis.faults import KEPT, FailureDiagnosis, SimulationFault
 from app.sim.rods.checks import ROWS, RodSetup, out_of_domain, require_rod_inputs, require_rod_shapes
 from app.sim.rods.domain import ROOM_M, are_whole, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
@@ -83,7 +83,7 @@ class RodCase:
             f"{len(self.setup.effects)} effects"
         )
 
-    def dissect(self) -> "Autopsy[RodTrace, RodState]":
+    def dissect(self) -> "FailureDiagnosis[RodTrace, RodState]":
         """See `dissect_rod`."""
         return dissect_rod(self)
 
@@ -140,14 +140,14 @@ def single_rod(
     )
 
 
-def dissect_rod(case: RodCase) -> Autopsy[RodTrace, RodState]:
+def dissect_rod(case: RodCase) -> FailureDiagnosis[RodTrace, RodState]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_rod_shapes(case.setup, case.physics, case.phi, case.state, case.tool, case.setting)
     view = _view(case)
     faults: dict[str, SimulationFault] = {}
     for fault in _faults(view):
         faults.setdefault(fault.kind, fault)
-    return Autopsy(
+    return FailureDiagnosis(
         steps=case.substeps,
         unit="step",
         failed=min(_failures(view), default=None),

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain, Node, linear
+from app.sim.effects.base import Effect, NodeContext, ParticleContext, linear
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -24,13 +24,13 @@ def rise(u: float) -> float:
 
 
 @wp.func
-def changed_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def changed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient before or after the change."""
     return mu * wp.exp(phi[at] * (rise(node.time - phi[at + 2]) + rise(phi[at + 2])))
 
 
 @wp.func
-def changed_stiffness(E: float, grain: Grain, phi: Any, at: int) -> float:
+def changed_stiffness(E: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """Young's modulus before or after the change."""
     return E * wp.exp(phi[at + 1] * (rise(grain.time - phi[at + 2]) + rise(phi[at + 2])))
 

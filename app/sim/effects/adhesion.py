@@ -8,12 +8,12 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 
 
 @wp.func
-def sticky_traction(traction: float, _node: Node, phi: Any, at: int) -> float:
+def sticky_traction(traction: float, _node: NodeContext, phi: Any, at: int) -> float:
     """The traction with the tool's."""
     return traction + phi[at]
 

@@ -19,7 +19,7 @@ def _struct(fields: type[ClassT]) -> type[ClassT]:
 
 
 @_struct
-class Node:
+class NodeContext:
     """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's.
 
     `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0. `every`: see
@@ -36,7 +36,7 @@ class Node:
 
 
 @_struct
-class Grain:
+class ParticleContext:
     """A particle as effects see it; see `state.Setting` for `label` and `time`.
 
     `fluid` is 1 for liquids, else 0; `shear` the square of its shear rate [1/s^2]; `stress` the norm of its deviatoric
@@ -104,8 +104,9 @@ class Effect:
 
     `parameters` are appended to phi; the first `switches` of them (None: all) make it vanish, the others say where or
     how it acts. The rest are hooks, Warp functions that are called where their physics belongs: each takes the value
-    that it may change, the `Node` or `Grain` it belongs to, phi, and `at`: its parameters are `phi[at]`, `phi[at + 1]`,
-    .... Warp differentiates them, so they have to be smooth at the null. What is not given is not compiled.
+    that it may change, the `NodeContext` or `ParticleContext` it belongs to, phi, and `at`: its parameters are
+    `phi[at]`, `phi[at + 1]`, .... Warp differentiates them, so they have to be smooth at the null. What is not given is
+    not compiled.
     """
 
     parameters: tuple[ParameterSpec, ...]

@@ -8,12 +8,12 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 
 
 @wp.func
-def added_cohesion(cohesion: float, _grain: Grain, phi: Any, at: int) -> float:
+def added_cohesion(cohesion: float, _grain: ParticleContext, phi: Any, at: int) -> float:
     """The material's and this."""
     return cohesion + phi[at]
 

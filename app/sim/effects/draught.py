@@ -12,7 +12,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, linear
+from app.sim.effects.base import Effect, NodeContext, linear
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 LAYER = wp.constant(0.02)
@@ -20,7 +20,7 @@ LAYER = wp.constant(0.02)
 
 
 @wp.func
-def blown_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def blown_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep in the wind."""
     height = wp.clamp(node.x[2] / LAYER, 0.0, 1.0)
     push = node.gravity * node.dt * height * height

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -17,7 +17,7 @@ NOMINAL = wp.constant(0.3)
 
 
 @wp.func
-def scaled_friction(mu: float, _grain: Grain, phi: Any, at: int) -> float:
+def scaled_friction(mu: float, _grain: ParticleContext, phi: Any, at: int) -> float:
     """A tool's coefficient, times how much more than nominal the finger's is."""
     return mu * phi[at] / NOMINAL
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -20,7 +20,7 @@ REST = wp.constant(1.0e-6)
 
 
 @wp.func
-def directed_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def directed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient in the direction in which the node slides; double angles without an arc tangent."""
     x, y = node.v[0], node.v[1]
     return mu * (1.0 + (phi[at] * (x * x - y * y) + phi[at + 1] * (2.0 * x * y)) / (x * x + y * y + REST))

@@ -8,13 +8,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
-def drifted_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def drifted_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient at this time of the session."""
     return mu * (1.0 + phi[at] * node.time)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import MIDDLE, MIDDLE_M, Effect, Node
+from app.sim.effects.base import MIDDLE, MIDDLE_M, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -23,7 +23,7 @@ LEAST = wp.constant(0.05)
 
 
 @wp.func
-def placed_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def placed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient at the node's place."""
     return mu * wp.max(LEAST, 1.0 + phi[at] * (node.x[0] - X0) + phi[at + 1] * node.x[1])
 

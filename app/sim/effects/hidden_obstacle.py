@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, place
+from app.sim.effects.base import Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -20,7 +20,7 @@ RADIUS = wp.constant(0.02)
 
 
 @wp.func
-def obstructed_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def obstructed_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep in which the post resists; it has no normal within a tenth of R of its axis."""
     away = wp.vec3(node.x[0] - phi[at + 1], node.x[1] - phi[at + 2], 0.0) / RADIUS
     square = wp.dot(away, away)

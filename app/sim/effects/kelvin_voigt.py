@@ -8,13 +8,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
-def solid_viscosity(viscosity: float, grain: Grain, phi: Any, at: int) -> float:
+def solid_viscosity(viscosity: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """The viscosity; that of liquids is their own."""
     return viscosity + phi[at] * (1.0 - grain.fluid)
 

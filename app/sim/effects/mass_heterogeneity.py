@@ -9,13 +9,13 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
-def varied_mass(mass: float, grain: Grain, phi: Any, at: int) -> float:
+def varied_mass(mass: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """The mass at the particle's place along the object."""
     s = grain.label[0]
     return mass * wp.exp(s * (phi[at] + 1.5 * phi[at + 1] * s))

@@ -8,13 +8,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 
 @wp.func
-def relaxed_share(kept: float, grain: Grain, phi: Any, at: int) -> float:
+def relaxed_share(kept: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """The share that is left after one substep."""
     return kept / (1.0 + phi[at] * grain.dt)
 

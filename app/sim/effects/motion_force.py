@@ -13,7 +13,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, linear
+from app.sim.effects.base import Effect, NodeContext, linear
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 REST = wp.constant(0.02)
@@ -21,7 +21,7 @@ REST = wp.constant(0.02)
 
 
 @wp.func
-def moving_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def moving_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep; drag and turn are integrated exactly, so that neither can run away."""
     speed = wp.sqrt(v[0] * v[0] + v[1] * v[1] + REST * REST)
     slowed = wp.exp(-phi[at] * node.dt) / (1.0 + phi[at + 1] * speed * node.dt)

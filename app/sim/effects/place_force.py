@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import MIDDLE_M, Effect, Node
+from app.sim.effects.base import MIDDLE_M, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -18,7 +18,7 @@ MIDDLE_X, MIDDLE_Y = MIDDLE_M
 
 
 @wp.func
-def placed_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def placed_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of the force."""
     x, y = node.x[0] - wp.static(MIDDLE_X), node.x[1] - wp.static(MIDDLE_Y)
     ahead = phi[at] + (phi[at + 2] + phi[at + 4]) * x + (phi[at + 5] - phi[at + 3]) * y

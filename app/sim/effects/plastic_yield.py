@@ -9,13 +9,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
-def yielded_share(kept: float, grain: Grain, phi: Any, at: int) -> float:
+def yielded_share(kept: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """The share that the yield surface leaves."""
     return kept / wp.max(1.0, phi[at] * grain.stress)
 

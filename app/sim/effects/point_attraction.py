@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, place
+from app.sim.effects.base import Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -17,7 +17,7 @@ WIDTH = wp.constant(0.05)
 
 
 @wp.func
-def attracted_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def attracted_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of the pull."""
     x, y = (phi[at + 1] - node.x[0]) / WIDTH, (phi[at + 2] - node.x[1]) / WIDTH
     pull = 2.0 * phi[at] * node.gravity * node.dt / (1.0 + x * x + y * y)

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node, place
+from app.sim.effects.base import Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -17,7 +17,7 @@ WIDTH = wp.constant(0.015)
 
 
 @wp.func
-def held_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def held_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep in which the spot holds."""
     x, y = (node.x[0] - phi[at + 1]) / WIDTH, (node.x[1] - phi[at + 2]) / WIDTH
     far = 1.0 + x * x + y * y

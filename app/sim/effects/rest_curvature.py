@@ -12,13 +12,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
-def curved_rest(F: wp.mat33, grain: Grain, phi: Any, at: int) -> wp.mat33:
+def curved_rest(F: wp.mat33, grain: ParticleContext, phi: Any, at: int) -> wp.mat33:
     """The deformation from the curved shape."""
     t = wp.vec3(grain.label[2], grain.label[3], 0.0)
     return F + (phi[at] * grain.label[1]) * wp.outer(F * t, t)

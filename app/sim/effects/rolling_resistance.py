@@ -8,12 +8,12 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 
 
 @wp.func
-def rolling_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def rolling_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient of what rolls as far as no tool holds it."""
     return mu * (1.0 - (1.0 - phi[at]) * (1.0 - node.touched))
 

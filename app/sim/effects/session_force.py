@@ -9,13 +9,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 
 @wp.func
-def growing_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def growing_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of the push."""
     push = node.gravity * node.dt * node.time
     return v + wp.vec3(push * phi[at], push * phi[at + 1], 0.0)

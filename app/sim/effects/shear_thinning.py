@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain
+from app.sim.effects.base import Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 
 REFERENCE = wp.constant(100.0)
@@ -19,7 +19,7 @@ REST = wp.constant(0.1)
 
 
 @wp.func
-def thinned_viscosity(viscosity: float, grain: Grain, phi: Any, at: int) -> float:
+def thinned_viscosity(viscosity: float, grain: ParticleContext, phi: Any, at: int) -> float:
     """The viscosity at the particle's shear rate; that of solids is their own."""
     result = viscosity
     if grain.fluid > 0.0:

@@ -11,13 +11,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 
 @wp.func
-def stribeck_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+def stribeck_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     """The coefficient at the node's speed along the table."""
     slow = (node.v[0] * node.v[0] + node.v[1] * node.v[1]) / (phi[at + 1] * phi[at + 1])
     return mu * (1.0 + phi[at] * wp.exp(-slow))

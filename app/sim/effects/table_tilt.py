@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -17,7 +17,7 @@ RADIANS = wp.constant(3.14159265 / 180.0)
 
 
 @wp.func
-def tilted_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def tilted_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of the weight's part along the table."""
     pull = node.gravity * node.dt * RADIANS
     return v + wp.vec3(pull * phi[at + 1], -pull * phi[at], 0.0)

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
@@ -18,7 +18,7 @@ FILM_REACH = wp.constant(0.02)
 
 
 @wp.func
-def film_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+def film_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of drag, integrated exactly so that no drag can reverse it."""
     nearness = wp.clamp(1.0 - node.x[2] / FILM_REACH, 0.0, 1.0)
     return wp.exp(-phi[at] * nearness * node.dt) * v

@@ -11,7 +11,7 @@ from typing import Any, Protocol, final
 import warp as wp
 
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 
 LEAST_VOLUME = wp.constant(0.1)
 """The pressure stops growing below this relative volume, where a logarithm would end in NaN."""
@@ -110,7 +110,7 @@ def relaxation(hooks: Hooks) -> WarpFunction:
     kept = hooks["kept"]
 
     @wp.func
-    def relaxed(F: wp.mat33, mu: float, softness: float, grain: Grain, phi: Any) -> wp.mat33:
+    def relaxed(F: wp.mat33, mu: float, softness: float, grain: ParticleContext, phi: Any) -> wp.mat33:
         b = F * wp.transpose(F)
         D = deviator(b)
         place = grain

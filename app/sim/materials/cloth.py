@@ -15,7 +15,7 @@ import warp as wp
 
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.materials.base import Law, strained
 
 
@@ -23,7 +23,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     del hooks
 
     @wp.func
-    def cloth(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, _phi: Any):
+    def cloth(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, _phi: Any):
         mu = E * m.mu_per_stiffness
         lam = E * m.lam_per_stiffness
         grown = strained(C, F, grain.dt)

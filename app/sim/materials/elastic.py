@@ -10,7 +10,7 @@ import warp as wp
 
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strained
 
 
@@ -18,7 +18,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     rest, relaxed, flows = hooks["rest"], relaxation(hooks), hooks.acts("kept")
 
     @wp.func
-    def elastic(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+    def elastic(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
         F_next = strained(C, F, grain.dt)
         if flows(grain, phi):

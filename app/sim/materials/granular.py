@@ -20,7 +20,7 @@ import warp as wp
 
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.materials.base import LEAST_VOLUME, Law, deviator, flowed, lame_of, norm, strained
 
 LOOSE = wp.constant(1.16)
@@ -32,7 +32,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     cohesion, kept = hooks["cohesion"], hooks["kept"]
 
     @wp.func
-    def granular(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+    def granular(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
         bulk = E * m.lam_per_stiffness + 2.0 / 3.0 * mu
         tried = strained(C, F, grain.dt)

@@ -16,7 +16,7 @@ import warp as wp
 
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.materials.base import LEAST_VOLUME, Law
 
 
@@ -24,7 +24,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     del hooks
 
     @wp.func
-    def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, _phi: Any):
+    def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, _phi: Any):
         J = wp.clamp(F[0, 0] * (1.0 + grain.dt * wp.trace(C)), LEAST_VOLUME, m.own[0])
         tension = wp.max(0.0, wp.log(J))
         tau = (E * m.lam_per_stiffness * (wp.log(J) - tension)) * wp.identity(n=3, dtype=float)

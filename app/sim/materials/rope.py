@@ -19,7 +19,7 @@ import warp as wp
 
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
-from app.sim.effects.base import Grain, WarpFunction
+from app.sim.effects.base import ParticleContext, WarpFunction
 from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strained
 
 _LEAST = wp.constant(1.0e-6)
@@ -30,7 +30,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     rest, relaxed = hooks["rest"], relaxation(hooks)
 
     @wp.func
-    def rope(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+    def rope(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
         along = wp.vec3(grain.label[2], grain.label[3], 0.0)
         out = grain.label[1] / m.own[1]

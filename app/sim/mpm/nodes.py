@@ -9,7 +9,7 @@ import warp as wp
 
 from app.sim.codegen.inputs import Place, Types
 from app.sim.constants import BLOCK_NODES, Constants
-from app.sim.effects.base import Node, WarpFunction
+from app.sim.effects.base import NodeContext, WarpFunction
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.simd_layout import load_node, store_node
 from app.sim.mpm.sparse_grid_blocks import node_position
@@ -43,9 +43,9 @@ def clear_both(i: int, slot: int, stamp: int, grid: Grid, grid_bars: GridBars):
 
 
 @wp.func
-def _seen(k: Constants, i: int, time: float, every: int) -> Node:
+def _seen(k: Constants, i: int, time: float, every: int) -> NodeContext:
     """Node `i` as effects see it, as far as it is known."""
-    node = Node()
+    node = NodeContext()
     node.x = node_position(k, i)
     node.dt = k.dt
     node.gravity = k.gravity

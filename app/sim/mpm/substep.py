@@ -20,7 +20,7 @@ from app.sim.codegen.kernel_codegen import Code, hold_work, node_function, node_
 from app.sim.codegen.tool_composition import barrier
 from app.sim.constants import Constants
 from app.sim.effect_composition import compose
-from app.sim.effects.base import Grain, Node, WarpFunction
+from app.sim.effects.base import NodeContext, ParticleContext, WarpFunction
 from app.sim.mpm.g2p import to_particles_adjoint_of, to_particles_of
 from app.sim.mpm.nodes import node_adjoint_of, node_of
 from app.sim.mpm.p2g import to_grid_adjoint_of, to_grid_by_body, to_grid_of
@@ -96,7 +96,7 @@ def _worked(particles: Sequence[WarpFunction], node: WarpFunction, held: WarpFun
     @wp.func
     def of_node(k: Constants, grain: Any, node_phi: Any, pose: Any, a: wp.vec3, A: wp.mat33) -> wp.float32:
         u = wp.vec4(a[0], a[1], a[2], wp.trace(A) + grain[0] + pose[0])
-        return node(k, node_phi, u, Node(), u, u, a)
+        return node(k, node_phi, u, NodeContext(), u, u, a)
 
     function = of_node
     for work in particles:
@@ -108,7 +108,7 @@ def _and_particle(before: WarpFunction, work: WarpFunction) -> WarpFunction:
     @wp.func
     def worked(k: Constants, grain: Any, node: Any, pose: Any, a: wp.vec3, A: wp.mat33) -> wp.float32:
         u = wp.vec4(a[0], a[1], a[2], 1.0)
-        done = work(k, k.bodies[0], grain, Grain(), a, a, A, A, pose, pose, a, A, 1.0, u, u, A)
+        done = work(k, k.bodies[0], grain, ParticleContext(), a, a, A, A, pose, pose, a, A, 1.0, u, u, A)
         return before(k, grain, node, pose, a, A) + done
 
     return worked

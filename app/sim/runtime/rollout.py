@@ -24,7 +24,7 @@ from app.sim.state import Setting, State
 @jax.tree_util.register_static
 @final
 @dataclass(frozen=True)
-class Sought:
+class NeedsGradient:
     """Request for the gradient with respect to phi, known when JAX traces.
 
     Planning does not need it, and effects at their null cost it nothing then.
@@ -33,7 +33,7 @@ class Sought:
     phi: bool
 
 
-Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array, Sought]
+Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array, NeedsGradient]
 """Residuals of the backward pass: phi, history, tool path, setting, mask of finite candidates, and the request."""
 
 
@@ -86,7 +86,7 @@ def make_rollout(
         history = operations.forward(phi, state, tool, setting, tool.shape[1])
         end = _row(history, tool.shape[1] - 1)
         finite = are_finite(phi, end, tool)
-        return where_finite(finite, end), (phi, history, tool, setting, finite, Sought(phi=given[0].perturbed))
+        return where_finite(finite, end), (phi, history, tool, setting, finite, NeedsGradient(phi=given[0].perturbed))
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
         phi, history, tool, setting, finite, sought = kept

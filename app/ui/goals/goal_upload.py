@@ -11,20 +11,20 @@ from app.core.dialogue.requests import GoalRequest, PictureGoalRequest
 from app.core.errors import UsageError
 from app.core.messages import fresh_id
 from app.ui.goals.files import are_points, pictures_of, points_of
-from app.ui.parts.operator_controller import Desk
-from app.ui.parts.session_keys import Badges
+from app.ui.parts.operator_controller import OperatorController
+from app.ui.parts.session_keys import SessionKeys
 
 _MOST_FILES: Final = 2
 
 
 @final
-class Inbox:
+class GoalUpload:
     """Serves `POST /goal`: a form with the browser's `key`, the name of a `camera`, and one file or two as `files`.
 
     Answers in words, which the page shows. Files are read in a thread of their own.
     """
 
-    def __init__(self, desk: Desk, badges: Badges, refused: Callable[[str], None]) -> None:
+    def __init__(self, desk: OperatorController, badges: SessionKeys, refused: Callable[[str], None]) -> None:
         self._desk, self._badges, self._refused = desk, badges, refused
         self._one_at_a_time = anyio.Lock()
 

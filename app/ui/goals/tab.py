@@ -17,11 +17,11 @@ from app.core.messages import fresh_id
 from app.core.types import Points
 from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, GoalDraft, Kind, on_table
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.server.message_validation import DRAFT
-from app.ui.view.particle_cloud import Beads
+from app.ui.view.particle_cloud import ParticleView
 
 _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
 _SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}
@@ -37,12 +37,12 @@ class GoalTab:
     Callbacks change the draft, in any thread; only the painter's thread draws. All browsers draw on the same draft.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
+    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
         self._server, self._desk = server, desk
         self._changing = threading.Lock()
         self._draft, self._drawn = GoalDraft(), GoalDraft()
         self._object: Points | None = None
-        self._last = Board()
+        self._last = ConsoleState()
         gui = server.gui
         self._said = gui.add_html(card(self._last, None))
         view = gui.add_button("Current view as goal", color="gray", icon=viser.Icon.CAMERA)
@@ -59,14 +59,14 @@ class GoalTab:
         self._points.on_click(self._unpoint)
         self._use.on_click(self._use_draft)
         self._files = gui.add_html(files(()))
-        self._beads = Beads(server, "/draft/goal", palette.DRAFT, opacity=0.6)
+        self._beads = ParticleView(server, "/draft/goal", palette.DRAFT, opacity=0.6)
         self._gizmo = server.scene.add_transform_controls(
             DRAFT, scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
         )
         self._gizmo.on_update(self._dragged)
         self._line: viser.LineSegmentsHandle | None = None
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Draw the draft, and show the object's distance from the goal, and from the draft."""
         draft, last, self._last = self._draft, self._last, board
         if board.frames.keys() != last.frames.keys():
@@ -163,7 +163,7 @@ class GoalTab:
         self._desk.ask(GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions))
 
 
-def card(board: Board, draft: Points | None) -> str:
+def card(board: ConsoleState, draft: Points | None) -> str:
     """Card of the object's distance from its goal, and from the drawn one."""
     if board.particles is None or board.goal is None:
         return '<div class="dp"><small>No goal, or nothing seen yet.</small></div>'

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 from app.core.dialogue import words
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.drift import Moved
 
 _FAR = 0.5
@@ -22,7 +22,7 @@ _ARM_PERIOD_LATE_S = 0.030
 _DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
 
 
-def mode(board: Board, now_s: float) -> str:
+def mode(board: ConsoleState, now_s: float) -> str:
     """Card of the program's current activity, in words, and of the action that it needs from the operator."""
     said, detail, tone = _mode(board, now_s)
     now, named = board.mode_now or "", escape(mode_name(board))
@@ -32,7 +32,7 @@ def mode(board: Board, now_s: float) -> str:
     )
 
 
-def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
+def _mode(board: ConsoleState, now_s: float) -> tuple[str, str, Tone]:
     if board.replay:
         return _replayed(board)
     health = board.health
@@ -61,7 +61,7 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
     return doing, _latest_notice(board), ""
 
 
-def mode_name(board: Board) -> str:
+def mode_name(board: ConsoleState) -> str:
     """Mode of operation, in two words."""
     if board.mode_now == "fault":
         return "Fault"
@@ -71,7 +71,7 @@ def mode_name(board: Board) -> str:
     return f"{name}: {words.motions(board.mode.motions)} more" if board.mode.mode == "automatic" else name
 
 
-def _replayed(board: Board) -> tuple[str, str, Tone]:
+def _replayed(board: ConsoleState) -> tuple[str, str, Tone]:
     """Activity of the program at that time, which needs no action now."""
     doing = words.sentence(board.health.doing) if board.health else "Recorded without a word on what was being done"
     if board.fatal is not None:
@@ -90,7 +90,7 @@ def _to_decide(pending: Proposal) -> str:
     return "Look at the plan, then approve or reject it."
 
 
-def _latest_notice(board: Board) -> str:
+def _latest_notice(board: ConsoleState) -> str:
     return board.log[-1].text if board.log else "Nothing to decide."
 
 
@@ -100,7 +100,7 @@ def you(name: str, key: str = "") -> str:
     return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 
-def control(board: Board) -> str:
+def control(board: ConsoleState) -> str:
     """Card of the operator in control; anybody may stop."""
     if board.replay:
         return "<div class='dp'><small>Nothing can move, and nobody needs control.</small></div>"
@@ -111,7 +111,7 @@ def control(board: Board) -> str:
     return f"<div class='dp'><small>{said} STOP is everybody's.</small></div>"
 
 
-def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
+def plan(board: ConsoleState, now_s: float, moved: Moved | None = None) -> str:
     """Card of the plan that is shown; `moved`: motion of the object since."""
     proposal = board.shown
     if proposal is None:
@@ -127,7 +127,7 @@ def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
     return f'<div class="dp">{_said_of(board)}{big}{table(_plan_rows(proposal, state, now_s, moved))}</div>'
 
 
-def _said_of(board: Board) -> str:
+def _said_of(board: ConsoleState) -> str:
     """Status of the plan or of its edit, in words."""
     if board.edit is not None:
         return '<p class="dp-refusal">The motion as you changed it is being simulated.</p>'
@@ -157,7 +157,7 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
     yield "Motion", f"<small title='{proposal.motion.digest()}'>{proposal.motion.digest()[:12]}</small>"
 
 
-def health(board: Board, now_s: float) -> str:
+def health(board: ConsoleState, now_s: float) -> str:
     """The health strip: ages, times, losses and drops, each coloured by its state."""
     seen = board.health
     if seen is None:
@@ -202,7 +202,7 @@ def _parameter(parameter: Parameter) -> str:
     return f"{words.number(parameter.value)} <small>{interval if estimated else ''}{unit}</small>"
 
 
-def log(board: Board, now_s: float) -> str:
+def log(board: ConsoleState, now_s: float) -> str:
     """The last notices and faults, the newest first."""
     if not board.log:
         return '<div class="dp"><small>No messages.</small></div>'
@@ -215,7 +215,7 @@ def log(board: Board, now_s: float) -> str:
     return f'<div class="dp dp-log">{lines}</div>'
 
 
-def episode(board: Board) -> str:
+def episode(board: ConsoleState) -> str:
     """Card of the episode: task, rig, seed and code version."""
     seen = board.episode
     if seen is None:

@@ -62,7 +62,7 @@ class Made:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Board:
+class ConsoleState:
     """The latest of everything, and the short histories that the plots and the log show.
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
@@ -167,7 +167,7 @@ class Board:
         asked = self.cleared and (self.mode is None or self.mode.mode == "approve each")
         return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
 
-    def after(self, message: Message) -> "Board":
+    def after(self, message: Message) -> "ConsoleState":
         """The board after `message`."""
         match message:
             case Frame():
@@ -181,7 +181,7 @@ class Board:
             case Health():
                 return replace(self, health=message)
             case Episode():
-                fresh = Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
+                fresh = ConsoleState(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
                 return replace(fresh, replay=self.replay)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
@@ -231,11 +231,11 @@ class Board:
             case _:
                 return self
 
-    def _showing(self, proposal: Proposal) -> "Board":
+    def _showing(self, proposal: Proposal) -> "ConsoleState":
         """The board with that proposal open to decision."""
         return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
 
-    def _learned(self, message: Transition) -> "Board":
+    def _learned(self, message: Transition) -> "ConsoleState":
         """The board with the result of the last motion. A jogged one has no prediction: it was not approved."""
         expected = self.shown.chosen.predicted if self.shown and message.executed.cause else None
         if expected is None:
@@ -243,20 +243,20 @@ class Board:
         made = Made(before=message.before, expected=expected, after=message.after)
         return replace(self, expected=expected, made=made)
 
-    def _looking(self, message: Seen) -> "Board":
+    def _looking(self, message: Seen) -> "ConsoleState":
         """The board with a new segmentation, and its colours where they differ from the last ones."""
         colour = ColourRange.of(message.hue_deg, message.saturation, message.value)
         new = (colour,) if self.colours[-1:] != (colour,) else ()
         return replace(self, seen=message, colours=(*self.colours, *new)[-_COLOURS_LENGTH:])
 
-    def _without(self, proposal_id: MessageId) -> "Board":
+    def _without(self, proposal_id: MessageId) -> "ConsoleState":
         """The board with that proposal closed to decision."""
         decided = (*self.decided, proposal_id)[-_DECIDED_LENGTH:]
         if self.pending is None or self.pending.id != proposal_id:
             return replace(self, decided=decided)
         return replace(self, decided=decided, pending=None, edit=None)
 
-    def _logged(self, message: Notice | Fault) -> "Board":
+    def _logged(self, message: Notice | Fault) -> "ConsoleState":
         """The board with the message in the log; one that names the pending proposal as its cause withdraws it."""
         edit = None if message.where == EDITED else self.edit
         board = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)

@@ -10,8 +10,8 @@ import viser
 
 from app.core.messages import Proposal
 from app.ui.parts import cards
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
 
 _TAKE, _GIVE = "Take", "Release"
 _ARMING_S = 0.5
@@ -22,7 +22,7 @@ _ARMING_S = 0.5
 class DecisionForm:
     """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._gui = gui
         self._desk = desk
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
@@ -32,7 +32,7 @@ class DecisionForm:
         self._shown_s = 0.0
         self._build(None)
 
-    def paint(self, board: Board, now_s: float) -> None:
+    def paint(self, board: ConsoleState, now_s: float) -> None:
         """Update the buttons to the decisions that are possible now."""
         if self._resume.visible != (resumable := board.stopped and not board.replay):
             self._resume.visible = resumable
@@ -77,7 +77,7 @@ class DecisionForm:
 class ControlForm:
     """The operator in control, and the buttons to take and release it. They never move the buttons below them."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._held = gui.add_html(cards.control(desk.board))
         buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not desk.board.replay)
 
@@ -87,7 +87,7 @@ class ControlForm:
 
         buttons.on_click(pressed)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Show the operator in control."""
         content = cards.control(board)
         if content != self._held.content:

@@ -7,7 +7,7 @@ from typing import final
 from app.config import Timing
 from app.core.dialogue.approval import drift
 from app.core.messages import Particles, Proposal
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 
 @final
@@ -34,7 +34,7 @@ class DriftMeter:
         self._pair: tuple[Proposal | None, Particles | None] = (None, None)
         self._drift_m = math.nan
 
-    def since(self, board: Board) -> Moved:
+    def since(self, board: ConsoleState) -> Moved:
         """Motion of the board's object since its pending plan was made."""
         pair = board.pending, board.particles
         if pair[0] is not self._pair[0] or pair[1] is not self._pair[1]:

@@ -18,7 +18,7 @@ from app.core.colours import ColourRange
 from app.core.dialogue.control import Lease
 from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.rate_limiter import RateLimiter
 
 Place: TypeAlias = Float64[np.ndarray, "3"]
@@ -32,7 +32,7 @@ _IDLE_S = 60.0
 
 
 @final
-class Desk:
+class OperatorController:
     """The board behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
 
     `stop` stops the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
@@ -51,7 +51,7 @@ class Desk:
         self._post = post
         self.now = now
         self._lock = threading.Lock()
-        self._board = Board(replay=replay)
+        self._board = ConsoleState(replay=replay)
         self.changed = threading.Event()
         self._turned_away: dict[str, int] = {}
         self._told_s = self._used_s = -math.inf
@@ -60,7 +60,7 @@ class Desk:
         self._words = RateLimiter(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
 
     @property
-    def board(self) -> Board:
+    def board(self) -> ConsoleState:
         """The present state of the console."""
         return self._board
 
@@ -73,7 +73,7 @@ class Desk:
     def reset(self, messages: Iterable[Message]) -> None:
         """Replace the board by a fold over these messages."""
         with self._lock:
-            self._board = reduce(Board.after, messages, Board(replay=self._board.replay))
+            self._board = reduce(ConsoleState.after, messages, ConsoleState(replay=self._board.replay))
         self.changed.set()
 
     def stop(self, operator: str) -> None:
@@ -263,7 +263,7 @@ class Desk:
         self.changed.set()
 
 
-def _hindrance(board: Board, operator: str) -> str | None:
+def _hindrance(board: ConsoleState, operator: str) -> str | None:
     """Reason against jogging on this board. Control is not taken implicitly: a stuck stick must command nothing."""
     if board.fatal is not None:
         return "the program has ended"

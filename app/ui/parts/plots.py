@@ -8,7 +8,7 @@ from viser import uplot
 
 from app.core.dialogue.words import millimetres
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 HEIGHT_PX = 180
 PADDING_PX = (12, 24, 0, 0)
@@ -34,9 +34,9 @@ class Plots:
             scales={"x": uplot.Scale(time=False)},
             visible=False,
         )
-        self._last = Board()
+        self._last = ConsoleState()
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Redraw plots with new data."""
         last, self._last = self._last, board
         if board.outcomes is not last.outcomes:
@@ -46,7 +46,7 @@ class Plots:
             self._empty.visible = not board.outcomes
 
 
-def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def distances(board: ConsoleState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Push number, observed and predicted distance [mm], each (n + 1,), the start before the first push."""
     start = board.outcomes[0].chamfer_before_m2
     seen = [start, *(outcome.chamfer_after_m2 for outcome in board.outcomes)]

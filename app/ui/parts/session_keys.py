@@ -6,7 +6,7 @@ from typing import final
 
 
 @final
-class Badges:
+class SessionKeys:
     """Unguessable key of each browser, known to it alone. Every method may be called from any thread."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
 from app.ui.parts import palette
 from app.ui.parts.cards import table, toned
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.view import overlays as masks
 
 _MM: Final = 1e3
@@ -25,7 +25,7 @@ _PLOT_PX, _PLOT_DEG = 150, 40.0
 """Side of the plot [pixel], and tilt at its border [degree]."""
 
 
-def live(board: Board) -> str:
+def live(board: ConsoleState) -> str:
     """Card of the board in the camera's view now, and of the next step."""
     placing = board.placing
     if placing is None or not placing.under_way:

@@ -10,9 +10,9 @@ import viser
 from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
 from app.core.geometry.charuco import Charuco
 from app.core.messages import fresh_id
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.parts.text import Text
 from app.ui.placing import cards
 
@@ -33,8 +33,8 @@ class PlacingTab:
     Painted by the painter's thread alone; callbacks send requests to the program, in any thread.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
-        self._desk, self._last = desk, Board()
+    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
+        self._desk, self._last = desk, ConsoleState()
         gui = server.gui
         self._live = Text(gui, cards.live(self._last))
         self._camera = gui.add_dropdown("Camera", _names(()))
@@ -50,7 +50,7 @@ class PlacingTab:
         self._result = Text(gui, "")
         self._next = server.scene.add_frame("/calibration/next", axes_length=_AXES_M, axes_radius=0.002, visible=False)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Update the tab to the board."""
         last, self._last = self._last, board
         if board.frames.keys() != last.frames.keys() and board.frames:
@@ -67,13 +67,13 @@ class PlacingTab:
         if under_way and board.board_seen is not last.board_seen:
             self._draw(board)
 
-    def _draw(self, board: Board) -> None:
+    def _draw(self, board: ConsoleState) -> None:
         seen = board.board_seen
         frame = board.frames.get(seen.camera) if seen is not None else None
         if frame is not None:
             self._image.image = cards.marked(frame.color, seen)
 
-    def _show_next(self, board: Board) -> None:
+    def _show_next(self, board: ConsoleState) -> None:
         placing = board.placing
         shown = placing is not None and placing.under_way and len(placing.next_pose) > 0
         self._next.visible = shown

@@ -10,9 +10,9 @@ from app.core.messages import Proposal
 from app.core.path_similarity_transform import is_level, reshaped
 from app.core.types import Path3
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.plans.ghosts import Way
 from app.ui.plans.look import PreviewState
 from app.ui.server.message_validation import ENDS
@@ -44,7 +44,7 @@ class EditForm:
     Handles belong to one branch of one plan: they are removed with either, and a later press has no effect.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
+    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
         self._scene, self._desk = server.scene, desk
         self._way = Way(server, "/edit/way", palette.LOOKED)
         self._drawn: tuple[float, ...] = ()
@@ -60,7 +60,7 @@ class EditForm:
         """True while there are handles."""
         return self._draft is not None
 
-    def paint(self, board: Board, look: PreviewState | None) -> None:
+    def paint(self, board: ConsoleState, look: PreviewState | None) -> None:
         """Show handles while the switch is on and the plan may still be decided on, and the path between them."""
         editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
         if self._switch.disabled == editable:

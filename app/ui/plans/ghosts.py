@@ -8,7 +8,7 @@ import viser
 from app.core.messages import Branch
 from app.ui.parts import palette
 from app.ui.plans.look import PreviewState
-from app.ui.view.particle_cloud import Beads
+from app.ui.view.particle_cloud import ParticleView
 from app.ui.view.paths import segments
 from app.ui.view.tool import DrawnGripper, Flat
 
@@ -20,8 +20,8 @@ class Ghosts:
     """The two branches of one server's scene. Used by the painter's thread alone."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._looked = Ghost(server, "/look/at", palette.LOOKED)
-        self._compared = Ghost(server, "/look/beside", palette.COMPARED)
+        self._looked = PlanPreview(server, "/look/at", palette.LOOKED)
+        self._compared = PlanPreview(server, "/look/beside", palette.COMPARED)
 
     def become(self, flat: Flat | None) -> None:
         """Draw grippers as this flat finger, or as two fingers."""
@@ -37,12 +37,12 @@ class Ghosts:
 
 
 @final
-class Ghost:
+class PlanPreview:
     """One branch under `name`."""
 
     def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
         self._way = Way(server, f"{name}/way", colour)
-        self._beads = Beads(server, f"{name}/object", colour, opacity=0.5)
+        self._beads = ParticleView(server, f"{name}/object", colour, opacity=0.5)
         self.tool = DrawnGripper(server, f"{name}/tool", colour, opacity=0.5)
 
     def paint(self, look: PreviewState | None, branch: Branch | None, *, way: bool) -> None:

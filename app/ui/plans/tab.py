@@ -6,8 +6,8 @@ import viser
 
 from app.core.messages import Proposal
 from app.core.types import Points
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.plans import cards
 from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts
@@ -20,7 +20,7 @@ from app.ui.view.tool import Flat
 class Plans:
     """Widgets in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene) -> None:
         gui = server.gui
         self._scene = scene
         self._ghosts = Ghosts(server)
@@ -36,7 +36,7 @@ class Plans:
         for widget in (self._at, self._beside, self._moment):
             widget.on_update(lambda _: desk.changed.set())
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Update the tab to the board and the widgets."""
         if board.shown is not self._shown:
             self._shown = board.shown

@@ -29,7 +29,7 @@ _POLICY_VIOLATION = 1008
 
 
 @final
-class Backstage:
+class ViserHost:
     """A running viser server behind a passphrase. Blocks while starting and stopping; use it from a thread."""
 
     def __init__(self, *, label: str, passphrase: str) -> None:

@@ -12,8 +12,8 @@ from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
 from app.core.types import ColourImage
 from app.ui.parts import cards, palette
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.parts.text import Text
 from app.ui.tabs.tuning import Tuning
 from app.ui.view import overlays as masks
@@ -32,7 +32,7 @@ _QUALITY: Final = 80
 class CellTab:
     """Drawn into the container that is open when this is made."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene) -> None:
         gui = server.gui
         self._gui, self._scene, self._clouds = gui, scene, Clouds(server)
         self._views: dict[str, CameraPicture] = {}
@@ -51,7 +51,7 @@ class CellTab:
         with gui.add_folder("Messages"):
             self._log = Text(gui, cards.log(desk.board, 0.0))
 
-    def paint(self, board: Board, now_s: float) -> None:
+    def paint(self, board: ConsoleState, now_s: float) -> None:
         """Bring the tab up to the board and the clock."""
         wanted, today = self._tuning.paint(board), datetime.now(UTC).date()
         self._summary.put(views.summary(board))
@@ -113,7 +113,7 @@ class CameraPicture:
         self._previewed: int | None = None
 
     def paint(
-        self, board: Board, frame: Frame, wanted: ColourRange | None, now_s: float, *, masked: bool, today: date
+        self, board: ConsoleState, frame: Frame, wanted: ColourRange | None, now_s: float, *, masked: bool, today: date
     ) -> None:
         """Show the newest picture, with the mask in use or that of the colours `wanted`."""
         if frame is not self._shown:
@@ -128,7 +128,7 @@ class CameraPicture:
             self._draw(board, frame, wanted, masked=masked)
         self._text.put(views.camera(board, frame, now_s, today=today, previewed=self._previewed))
 
-    def _draw(self, board: Board, frame: Frame, wanted: ColourRange | None, *, masked: bool) -> None:
+    def _draw(self, board: ConsoleState, frame: Frame, wanted: ColourRange | None, *, masked: bool) -> None:
         mask, ink, self._previewed = None, palette.MASK, None
         if wanted is not None:
             mask, ink = colour_mask(frame.color, wanted), palette.PREVIEW

@@ -7,9 +7,9 @@ import viser
 
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.messages import fresh_id
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 
 _CONFIRM: Final = {
     "emergency": "I tried the emergency stop",
@@ -20,7 +20,7 @@ _CONFIRM: Final = {
 _MARKS: Final = {True: "<b class='dp-good'>✓</b>", False: "<b class='dp-warn'>○</b>"}
 
 
-def card(board: Board) -> str:
+def card(board: ConsoleState) -> str:
     """Card of the checklist's items and their state."""
     if board.checklist is None:
         return ""
@@ -36,7 +36,7 @@ def _line(item: CheckItem) -> str:
 class ChecklistForm:
     """Folder shown while the checklist is open. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._desk = desk
         self._place = gui.add_folder("Before the first motion", visible=False)
         self._buttons = dict[str, viser.GuiButtonHandle]()
@@ -46,7 +46,7 @@ class ChecklistForm:
                 self._buttons[key] = gui.add_button(label, color="orange", icon=viser.Icon.CHECKBOX, visible=False)
                 self._buttons[key].on_click(lambda event, key=key: self._confirm(event, key))
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Update it to the board."""
         is_open = not board.cleared
         if self._place.visible != is_open:

@@ -7,9 +7,9 @@ import viser
 from app.core.dialogue import words
 from app.core.dialogue.requests import ClipRequest, TakeAct, TakeRequest
 from app.core.messages import fresh_id
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 
 _WANTED: Final = 10
 """Demonstrations that a calibration needs (paper, section V)."""
@@ -18,7 +18,7 @@ _SUCCESS, _FAILURE, _REDO, _DISCARD = "Success", "Failure", "Redo", "Discard"
 _ACTS: Final[dict[str, TakeAct]] = {_SUCCESS: "success", _FAILURE: "failure", _REDO: "redo", _DISCARD: "discard"}
 
 
-def card(board: Board) -> str:
+def card(board: ConsoleState) -> str:
     """Card of the demonstration being recorded, and of the number so far."""
     take = board.take
     if take is None:
@@ -35,7 +35,7 @@ def card(board: Board) -> str:
 class DemonstrationForm:
     """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._desk = desk
         self._said = gui.add_html(card(desk.board))
         self._start = gui.add_button("Start a demonstration", color="red", icon=viser.Icon.PLAYER_RECORD)
@@ -45,7 +45,7 @@ class DemonstrationForm:
         clip = gui.add_button(f"Save the last {_CLIP_S:.0f} seconds", color="gray", icon=viser.Icon.HISTORY)
         clip.on_click(self._keep)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Show the buttons that apply now."""
         content = card(board)
         if content != self._said.content:

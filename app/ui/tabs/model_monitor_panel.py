@@ -8,7 +8,7 @@ from typing import Final
 from app.core.dialogue import words
 from app.core.dialogue.model_monitor_messages import Blamed, Verdict, Watched
 from app.ui.parts.cards import table
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 _KINDS: Final = {
     "named": "Something is missing in the model",
@@ -23,7 +23,7 @@ _LEAST = 0.01
 _MM = 1e3
 
 
-def watch(board: Board) -> str:
+def watch(board: ConsoleState) -> str:
     """Card of the change detection: the model's state, the last prediction error, and the suspected causes."""
     seen = board.watched
     if seen is None:
@@ -62,7 +62,7 @@ def _suspected(seen: Watched) -> str:
     return f"<h3>Suspected</h3>{suspected}{to_know}"
 
 
-def verdict(board: Board) -> str:
+def verdict(board: ConsoleState) -> str:
     """Card of a discovery's verdict: its sentences, the causes by probability, and the push that it asks for."""
     seen = board.verdict
     if seen is None:

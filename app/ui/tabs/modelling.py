@@ -14,9 +14,9 @@ from app.core.dialogue import words
 from app.core.errors import DipacError
 from app.core.messages import Model
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.parts.plots import HEIGHT_PX, PADDING_PX, line
 from app.ui.parts.text import Text
 from app.ui.tabs import models
@@ -32,8 +32,8 @@ _FILE: Final = "discovery/model.toml"
 class ModelTab:
     """Drawn into the container that is open when this is made. `folder`: root of the model files that may be named."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:
-        self._gui, self._last = gui, Board()
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController, folder: Path) -> None:
+        self._gui, self._last = gui, ConsoleState()
         self._summary = Text(gui, models.summary(self._last))
         with gui.add_folder("Parameters"):
             self._parameters = Text(gui, "")
@@ -42,7 +42,7 @@ class ModelTab:
         self._versions = Versions(gui, desk, folder)
         self._course = Course(gui)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Update the tab to the board."""
         last, self._last = self._last, board
         self._summary.put(models.summary(board))
@@ -58,7 +58,7 @@ class ModelTab:
 class Versions:
     """The models of this session to compare and go back to, and files to load others from."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController, folder: Path) -> None:
         self._desk, self._folder = desk, folder
         self._shown: tuple[Model, ...] = ()
         with gui.add_folder("Versions"):
@@ -77,7 +77,7 @@ class Versions:
         self._load.on_click(self._loaded)
         self._form.on_submit(self._loaded)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Offer the available versions."""
         if board.models is not self._shown:
             following = self._model(self._chosen.value) in (None, *self._shown[-1:])
@@ -148,9 +148,9 @@ class Course:
             visible=False,
         )
         self._drawn: tuple[tuple[Model, ...], str] = ((), "")
-        self._last = Board()
+        self._last = ConsoleState()
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Redraw plots with new data, or of another chosen parameter."""
         last, self._last = self._last, board
         if board.losses is not last.losses:

@@ -12,7 +12,7 @@ from app.core.dialogue import words
 from app.core.messages import Model, Parameter
 from app.ui.parts import palette
 from app.ui.parts.cards import table
-from app.ui.parts.console_state import Board, Made
+from app.ui.parts.console_state import ConsoleState, Made
 
 _MM: Final = 1e3
 _PICTURE_WIDTH, _MARGIN = 300.0, 8.0
@@ -20,7 +20,7 @@ _DOTS = 250
 """Points of each cloud in the picture: more would not be told apart."""
 
 
-def summary(board: Board) -> str:
+def summary(board: ConsoleState) -> str:
     """Card of the version in use, its source, and a calibration under way."""
     model = board.model
     if model is None:
@@ -32,7 +32,7 @@ def summary(board: Board) -> str:
     return f'<div class="dp"><p><b>Version {model.version}</b> in use: {source}{loss}.</p>{now}</div>'
 
 
-def parameters(board: Board, *, rows: Sequence[str]) -> str:
+def parameters(board: ConsoleState, *, rows: Sequence[str]) -> str:
     """The parameters `rows` of the model in use: values, 90 % intervals, and the change from the version before."""
     if board.model is None:
         return ""
@@ -92,7 +92,7 @@ def _change(before: Parameter, after: Parameter) -> str:
     return words.change(before.value, after.value) or ("" if before.value == after.value else "changed")
 
 
-def last_motion(board: Board) -> str:
+def last_motion(board: ConsoleState) -> str:
     """Card of the last motion's prediction error, with a picture of it from above."""
     if board.made is None:
         return '<div class="dp"><small>After the first motion.</small></div>'

@@ -7,9 +7,9 @@ import viser
 from app.core.dialogue import words
 from app.core.dialogue.control import EndRequest, ModeName, ModeRequest
 from app.core.messages import fresh_id
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 
 _PRESSED: Final[dict[str, ModeName]] = {words.MODES[mode]: mode for mode in words.MODES if mode != "automatic"}
 _FIRST, _MOST = 3, 100
@@ -20,7 +20,7 @@ _FIRST, _MOST = 3, 100
 class ModeForm:
     """The buttons in the container that is open when this is made."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._desk = desk
         buttons = gui.add_button_group("Mode", tuple(_PRESSED))
 
@@ -48,7 +48,7 @@ class ModeForm:
         start.on_click(automatic)
         self._sure.on_click(self._confirmed)
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Withdraw the confirmation of an operator who has lost control."""
         if self._asked is not None and self._asked[0] != board.holder:
             self._asked = None
@@ -98,7 +98,7 @@ def _automatically(motions: int) -> str:
 class EndButton:
     """Button that ends the session, after confirmation."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         sure = gui.add_checkbox("End the session", initial_value=False, hint="Closes the recording and the program")
         end = gui.add_button("End it now", color="red", icon=viser.Icon.POWER, visible=False)
 

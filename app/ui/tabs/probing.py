@@ -7,7 +7,7 @@ import viser
 from app.core.dialogue.requests import ProbeRequest
 from app.core.messages import fresh_id
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 
 _FIRST, _MOST = 24, 400
 """Pushes."""
@@ -19,7 +19,7 @@ END: Final = "Plan for the goal again"
 class ProbeForm:
     """The buttons in the container that is open when this is made. Each push is shown and decided on like any other."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
         self._desk = desk
         pushes = gui.add_number("Pushes at most", _FIRST, min=1, max=_MOST, step=1)
         begin = gui.add_button(BEGIN, color="gray", icon=viser.Icon.MICROSCOPE)

@@ -7,9 +7,9 @@ import viser
 
 from app.core.colours import ColourRange
 from app.core.errors import ParameterError
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.operator_controller import OperatorController
 from app.ui.parts.text import Text
 
 _WHOLE_CIRCLE: Final = 360.0
@@ -22,8 +22,8 @@ _NEUTRAL: Final = (128, 128, 128)
 class Tuning:
     """A form in the container that is open when this is made. Until it is submitted nothing but the preview changes."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
-        self._desk, self._board = desk, Board()
+    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
+        self._desk, self._board = desk, ConsoleState()
         self._form = gui.add_form("Colours of the object", expand_by_default=False)
         with self._form:
             self._near = gui.add_rgb(
@@ -45,7 +45,7 @@ class Tuning:
         self._form.on_submit(self._submitted)
         self._undo.on_click(self._undone)
 
-    def paint(self, board: Board) -> ColourRange | None:
+    def paint(self, board: ConsoleState) -> ColourRange | None:
         """Follow the colours in use; returns the sliders' colours where they differ: to be previewed."""
         last, self._board = self._board, board
         if board.colours and board.colours is not last.colours:

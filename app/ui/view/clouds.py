@@ -8,7 +8,7 @@ from jaxtyping import Float32, UInt8
 
 from app.core.messages import Frame, Particles
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 Show: TypeAlias = Literal["off", "by camera", "as seen"]
 SHOWN: Final[tuple[Show, ...]] = get_args(Show)
@@ -38,7 +38,7 @@ class Clouds:
         self.handles: dict[str, viser.PointCloudHandle] = {}
         self._drawn: dict[str, object] = {}
 
-    def paint(self, board: Board) -> None:
+    def paint(self, board: ConsoleState) -> None:
         """Draw the enabled clouds, where there is something newer; remove the others."""
         show = self.cameras
         wanted = dict[str, tuple[object, Show]]()

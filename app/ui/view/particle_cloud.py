@@ -16,7 +16,7 @@ _CROWD = 600
 
 
 @final
-class Beads:
+class ParticleView:
     """One cloud of particles under `name`; made at the first `put`, since viser has no empty batch."""
 
     def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour, *, opacity: float | None) -> None:

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.messages import Proposal
 from app.core.motion import Motion
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 _LIFT_M = 0.004
 """Height of the lines above their paths, so that the table does not hide them."""
@@ -28,7 +28,7 @@ class Paths:
         self._visible = True
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
 
-    def paint(self, board: Board, last: Board) -> None:
+    def paint(self, board: ConsoleState, last: ConsoleState) -> None:
         """Draw branches while they may be decided on, the plan until the next one, and the measured path."""
         if board.pending is not last.pending:
             self._draw_branches(board.pending)

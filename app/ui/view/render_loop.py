@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import final
 
 from app.core.messages import Fault, fresh_id
-from app.ui.parts.console_state import Board
-from app.ui.parts.operator_controller import Desk
+from app.ui.parts.console_state import ConsoleState
+from app.ui.parts.operator_controller import OperatorController
 
 _PERIOD_S = 1 / 12
 _IDLE_S = 0.25
@@ -21,10 +21,10 @@ _log = logging.getLogger(__name__)
 
 
 @final
-class Painter:
+class RenderLoop:
     """Calls `paint(board, now_s)` from a thread of its own between `start` and `close`."""
 
-    def __init__(self, desk: Desk, paint: Callable[[Board, float], None]) -> None:
+    def __init__(self, desk: OperatorController, paint: Callable[[ConsoleState, float], None]) -> None:
         self._desk = desk
         self._paint = paint
         self._ended = threading.Event()

@@ -12,8 +12,8 @@ from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Frame
 from app.core.types import Points
 from app.ui.parts import palette
-from app.ui.parts.console_state import Board
-from app.ui.view.particle_cloud import Beads
+from app.ui.parts.console_state import ConsoleState
+from app.ui.view.particle_cloud import ParticleView
 from app.ui.view.paths import Paths, along
 from app.ui.view.tool import DrawnGripper, Flat
 
@@ -26,14 +26,14 @@ class ConsoleScene:
 
     def __init__(self, server: viser.ViserServer, limits: Limits, table: TablePlace = AT_BASE) -> None:
         self._scene = server.scene
-        self._last = Board()
+        self._last = ConsoleState()
         self._frustums: dict[str, viser.CameraFrustumHandle] = {}
-        self.observed = Beads(server, "/observed", palette.OBSERVED, opacity=None)
-        self.goal = Beads(server, "/goal", palette.GOAL, opacity=0.45)
-        self.predicted = Beads(server, "/predicted", palette.PREDICTED, opacity=0.45)
-        self.horizon = Beads(server, "/horizon", palette.HORIZON, opacity=0.3)
+        self.observed = ParticleView(server, "/observed", palette.OBSERVED, opacity=None)
+        self.goal = ParticleView(server, "/goal", palette.GOAL, opacity=0.45)
+        self.predicted = ParticleView(server, "/predicted", palette.PREDICTED, opacity=0.45)
+        self.horizon = ParticleView(server, "/horizon", palette.HORIZON, opacity=0.3)
         self.horizon.show(False)
-        self.expected = Beads(server, "/expected", palette.EXPECTED, opacity=0.6)
+        self.expected = ParticleView(server, "/expected", palette.EXPECTED, opacity=0.6)
         self.paths = Paths(server)
         self.tool = DrawnGripper(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = DrawnGripper(server, "/ghost", palette.BEST, opacity=0.55)
@@ -43,7 +43,7 @@ class ConsoleScene:
         for number, volume in enumerate(limits.keep_out):
             _forbid(server, f"/kept_free/{number}", volume)
 
-    def paint(self, board: Board, now_s: float) -> None:
+    def paint(self, board: ConsoleState, now_s: float) -> None:
         """Update the picture to the board."""
         last, self._last = self._last, board
         if board.particles is not last.particles:
@@ -94,7 +94,7 @@ class ConsoleScene:
         for frustum in self._frustums.values():
             frustum.visible = visible
 
-    def _play(self, board: Board, now_s: float) -> None:
+    def _play(self, board: ConsoleState, now_s: float) -> None:
         """Animate the ghost along the pending motion, at the arm's speed, in a loop."""
         if board.pending is None or not self.playing:
             self.ghost.hide()
@@ -102,7 +102,7 @@ class ConsoleScene:
         self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
 
 
-def _follow(beads: Beads, points: Points | None, shaded: Bool[np.ndarray, " P"] | None = None) -> None:
+def _follow(beads: ParticleView, points: Points | None, shaded: Bool[np.ndarray, " P"] | None = None) -> None:
     """Draw the points, some of them shaded; remove them where there are none."""
     if points is None:
         beads.clear()

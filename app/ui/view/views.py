@@ -11,7 +11,7 @@ from app.core.dialogue.segmentation_message import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
 from app.ui.parts.cards import table, toned
-from app.ui.parts.console_state import Board
+from app.ui.parts.console_state import ConsoleState
 
 Origin: TypeAlias = Literal["simulated", "recorded", "real"]
 """Source of the cameras' images."""
@@ -22,7 +22,7 @@ _LATE_S: Final = 2.0
 """Age from which a picture is marked as old: younger ones are live for cameras of two frames a second."""
 
 
-def summary(board: Board) -> str:
+def summary(board: ConsoleState) -> str:
     """Card of the number of particles, and of the agreement of the cameras."""
     count = str(len(board.particles.positions)) if board.particles else words.NOTHING
     apart = max(board.seen.apart_m.values(), default=math.nan) if board.seen else math.nan
@@ -36,7 +36,7 @@ def summary(board: Board) -> str:
     return f'<div class="dp">{table(rows)}{warning}</div>'
 
 
-def camera(board: Board, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
+def camera(board: ConsoleState, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
     """Card of one camera: its view of the object, its calibration, and the age of its picture.
 
     `previewed`: number of pixels of colours that are not in use yet.

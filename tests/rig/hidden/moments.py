@@ -4,7 +4,7 @@ import numpy as np
 
 from app.core.geometry.track import Track
 from app.rig.simulated.effect_sampling import known
-from app.rig.simulated.injected_effects.base import Hidden, Injected, Moment
+from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, Moment
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
@@ -17,11 +17,11 @@ def effect(name: str) -> Hidden:
     return known()[name]
 
 
-def injected(name: str, *values: float) -> Injected:
-    return Injected(name=name, effect=effect(name), values=np.array(values, float))
+def injected(name: str, *values: float) -> InjectedEffect:
+    return InjectedEffect(name=name, effect=effect(name), values=np.array(values, float))
 
 
-def world(*hidden: Injected, physics: WorldPhysics | None = None) -> RopeWorld:
+def world(*hidden: InjectedEffect, physics: WorldPhysics | None = None) -> RopeWorld:
     return RopeWorld(ROPE, FINGER, straight_rope(), physics=physics, intrusion=Intrusion(hidden))
 
 

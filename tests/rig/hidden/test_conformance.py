@@ -11,7 +11,7 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.rig.simulated import injected_effects as hidden
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, known
-from app.rig.simulated.injected_effects.base import Injected, SensorImages
+from app.rig.simulated.injected_effects.base import InjectedEffect, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
@@ -30,12 +30,12 @@ catalogued = pytest.mark.parametrize("name", [name for name, effect in FILES.ite
 in_the_world = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.family == "physics" or e.build])
 
 
-def nothing(name: str) -> Injected:
+def nothing(name: str) -> InjectedEffect:
     effect = FILES[name]
-    return Injected(name=name, effect=effect, values=np.array([quantity.null for quantity in effect.quantities]))
+    return InjectedEffect(name=name, effect=effect, values=np.array([quantity.null for quantity in effect.quantities]))
 
 
-def typical(name: str, seed: int = 0) -> Injected:
+def typical(name: str, seed: int = 0) -> InjectedEffect:
     (drawn,) = draw([InjectionRequest(name, None)], seed)
     return drawn
 
@@ -88,7 +88,7 @@ def test_at_its_typical_size_an_effect_of_the_world_moves_the_rope_otherwise(nam
             for quantity, value in zip(here.effect.quantities, here.values, strict=True)
         ]
     )
-    table = world(Injected(name=name, effect=here.effect, values=values))
+    table = world(InjectedEffect(name=name, effect=here.effect, values=values))
     table.intrusion.session = -0.5
     assert 1e-6 < np.abs(pushed(table) - plain).max() < 0.1
 

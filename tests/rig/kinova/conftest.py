@@ -14,7 +14,7 @@ from app.rig.kinova.api.messages import CartesianWaypoint, Pose
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.link import Address, Link
 from app.rig.kinova.client.official import OfficialLink
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 
@@ -49,7 +49,7 @@ def address(arm: FakeProcess, **changed: object) -> Address:
 def link(request: pytest.FixtureRequest, arm: FakeProcess) -> Iterator[Link]:
     link = request.param(address(arm, stops_after_s=PATIENT_S))
     yield link
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     link.close()
 
 

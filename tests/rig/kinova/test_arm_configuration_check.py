@@ -15,7 +15,7 @@ from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.arm_configuration_check import Holds
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import address, until
@@ -31,7 +31,7 @@ def other(arm: FakeProcess) -> Iterator[Kortex]:
     other = Kortex(OwnLink(address(arm)))
     other.open()
     yield other
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     other.close()
 
 
@@ -62,11 +62,11 @@ def tick(control: KinovaControl) -> bool:
 def test_an_arm_that_is_configured_otherwise_is_let_go_with_a_word_on_where_to_set_it(
     arm: FakeProcess, adversity: dict[str, object], holds: Holds, said: str
 ) -> None:
-    arm.set(Adversity(**adversity))  # type: ignore[arg-type]
+    arm.set(FaultInjection(**adversity))  # type: ignore[arg-type]
     with pytest.raises(DeviceError, match=re.escape(said)):
         held(arm, holds)
     assert arm.look()["sessions"] == []
-    arm.set(Adversity())
+    arm.set(FaultInjection())
 
 
 def test_a_tool_frame_of_numbers_that_are_none_is_said() -> None:
@@ -75,9 +75,9 @@ def test_a_tool_frame_of_numbers_that_are_none_is_said() -> None:
 
 
 def test_an_arm_that_is_configured_for_what_it_holds_is_taken(arm: FakeProcess) -> None:
-    arm.set(Adversity(tip_m=0.2635, turn_deg=-90.0, payload_kg=0.1))
+    arm.set(FaultInjection(tip_m=0.2635, turn_deg=-90.0, payload_kg=0.1))
     held(arm, Holds(tip_m=0.263, turn_deg=270.0, mass_kg=1.0)).close()
-    arm.set(Adversity())
+    arm.set(FaultInjection())
 
 
 def test_the_limits_are_this_site_s_while_the_arm_is_held_and_what_they_were_after(
@@ -109,10 +109,10 @@ def test_the_limits_from_before_outlast_a_lost_connection(arm: FakeProcess, othe
 @pytest.mark.parametrize("denied", ["SetTwistLinearSoftLimit", "SetTwistAngularSoftLimit", "GetKinematicSoftLimits"])
 def test_an_arm_that_does_not_take_the_limits_is_not_moved(arm: FakeProcess, other: Kortex, denied: str) -> None:
     before = other.limits()
-    arm.set(Adversity(denies=denied))
+    arm.set(FaultInjection(denies=denied))
     with pytest.raises(DeviceError, match=f"does not take this site's limits as its own. The arm refused {denied}"):
         held(arm)
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     assert other.limits() == before
 
 

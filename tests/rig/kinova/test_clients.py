@@ -20,7 +20,7 @@ from app.rig.kinova.api.session import ArmStateNotification, Empty
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.link import Link
 from app.rig.kinova.client.official import OfficialLink
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import PATIENT_S, address, keep_alive, tool, until, way
@@ -120,7 +120,7 @@ def test_the_fingers_close_and_open_and_stop_at_what_is_between_them(kortex: Kor
     until(lambda: kortex.gripped() > 0.99)
     kortex.grip_on(1.0)
     until(lambda: kortex.gripped() < 0.01)
-    arm.set(Adversity(object_at=0.4))
+    arm.set(FaultInjection(object_at=0.4))
     kortex.grip(1.0)
     until(lambda: kortex.gripped() > 0.35)
     time.sleep(0.2)
@@ -161,7 +161,7 @@ def test_a_fault_breaks_off_what_runs_and_stays_while_its_cause_does(kortex: Kor
 
 
 def test_another_session_in_control_is_said_in_words(kortex: Kortex, arm: FakeProcess) -> None:
-    arm.set(Adversity(foreign=True))
+    arm.set(FaultInjection(foreign=True))
     with pytest.raises(Refused, match="another session has control") as refused:
         kortex.go([way(0.45, 0.0, 0.2)])
     assert refused.value.sub_code == SESSION_NOT_IN_CONTROL
@@ -279,13 +279,13 @@ def test_a_connection_that_is_cut_is_noticed_and_made_again_without_a_restart(li
 def test_an_arm_that_accepts_and_never_answers_is_given_up_in_time(link: Link, arm: FakeProcess) -> None:
     kortex = Kortex(link)
     kortex.open()
-    arm.set(Adversity(deaf=True))
+    arm.set(FaultInjection(deaf=True))
     with pytest.raises(NoAnswer, match="did not answer Stop"):
         kortex.stop(timeout_s=0.2)
     assert "did not answer" in kortex.lost
     with pytest.raises(LinkLost):
         kortex.clear_faults()
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     kortex.open()
     kortex.stop()
 
@@ -293,12 +293,12 @@ def test_an_arm_that_accepts_and_never_answers_is_given_up_in_time(link: Link, a
 def test_a_life_that_is_shown_to_nobody_ends_the_connection(arm: FakeProcess) -> None:
     kortex = Kortex(OwnLink(address(arm, stops_after_s=PATIENT_S)))
     kortex.open()
-    arm.set(Adversity(deaf=True))
+    arm.set(FaultInjection(deaf=True))
     begun = time.monotonic()
     keep_alive(kortex, threading.Event())
     assert "has not answered KeepAlive" in kortex.lost
     assert time.monotonic() - begun > 0.5
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     kortex.close()
 
 
@@ -314,7 +314,7 @@ def test_a_session_that_the_arm_has_closed_is_noticed_by_whoever_keeps_it_alive(
 def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: FakeProcess) -> None:
     kortex = Kortex(link)
     kortex.open()
-    arm.set(Adversity(lose_feedback=2))
+    arm.set(FaultInjection(lose_feedback=2))
     lost = 0
     for _ in range(6):
         try:
@@ -323,7 +323,7 @@ def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: Fak
             lost += 1
     assert 3 <= lost < 6  # On a busy machine another may be late.
     assert not kortex.lost
-    arm.set(Adversity(lose_feedback=10**6))
+    arm.set(FaultInjection(lose_feedback=10**6))
     for _ in range(40):
         with pytest.raises(NoAnswer):
             kortex.feedback()
@@ -331,7 +331,7 @@ def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: Fak
 
 
 def test_slow_answers_are_waited_for_and_belong_to_their_calls(kortex: Kortex, arm: FakeProcess) -> None:
-    arm.set(Adversity(delay_s=0.05))
+    arm.set(FaultInjection(delay_s=0.05))
     found: list[int] = []
     threads = [threading.Thread(target=lambda: found.append(kortex.joint_count())) for _ in range(4)]
     for thread in threads:

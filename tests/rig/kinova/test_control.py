@@ -18,7 +18,7 @@ from app.core.rejection_codes import Refusal
 from app.rig.kinova import gen3
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import PATIENT_S, address, tool, until
@@ -82,7 +82,7 @@ class Loop:
 def loop(arm: FakeProcess) -> Iterator[Loop]:
     loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), SITE))
     yield loop
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     loop.end()
 
 
@@ -216,14 +216,14 @@ def test_a_stop_ends_a_motion_and_holds_until_it_is_lifted(loop: Loop, arm: Fake
 def test_an_arm_that_refuses_to_stop_is_cut_off_and_commanded_no_more(loop: Loop, arm: FakeProcess) -> None:
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: loop.control.velocity[2] < -0.01)
-    arm.set(Adversity(denies="Stop"))
+    arm.set(FaultInjection(denies="Stop"))
     with pressed_on_and_on(loop):  # As a key does that is held: each is said to the arm.
         until(lambda: "refuses to stop" in loop.control.reason)
         assert loop.control.mode == "fault"
         until(lambda: not arm.look()["moving"], PATIENT_S + 3.0)
     assert tool(arm)[2] > 0.2
     told = len(arm.commands())
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     loop.do(loop.control.reset)
     time.sleep(0.3)
     assert loop.control.mode == "fault"
@@ -231,7 +231,7 @@ def test_an_arm_that_refuses_to_stop_is_cut_off_and_commanded_no_more(loop: Loop
 
 
 def test_an_arm_that_refuses_a_stop_while_it_thinks_is_cut_off_as_it_sets_out(loop: Loop, arm: FakeProcess) -> None:
-    arm.set(Adversity(thinks_s=1.0, denies="Stop"))
+    arm.set(FaultInjection(thinks_s=1.0, denies="Stop"))
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: any(each["call"] == "ExecuteAction" for each in arm.commands()))
     loop.do(loop.control.stop, "STOP was pressed.")
@@ -245,11 +245,11 @@ def test_an_arm_that_refuses_a_stop_while_it_thinks_is_cut_off_as_it_sets_out(lo
 def test_a_stop_that_an_arm_refuses_because_it_is_in_fault_cuts_nothing_off(loop: Loop, arm: FakeProcess) -> None:
     loop.go((0.45, 0.0, 0.1), speed=0.05)
     until(lambda: loop.control.velocity[2] < -0.02)
-    arm.set(Adversity(denies="Stop"))
+    arm.set(FaultInjection(denies="Stop"))
     arm.fail(joint=4, bits=1 << 5)
     loop.comes_to("fault")
     time.sleep(0.3)
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     loop.do(loop.control.reset)
     loop.comes_to("idle")
 
@@ -270,7 +270,7 @@ def test_a_stop_right_after_the_beginning_is_not_overtaken_by_it(loop: Loop, arm
 
 
 def test_an_end_that_was_not_reached_is_noticed(loop: Loop, arm: FakeProcess) -> None:
-    arm.set(Adversity(short_m=0.03))
+    arm.set(FaultInjection(short_m=0.03))
     loop.go((0.45, 0.0, 0.2))
     loop.comes_to("stopped")
     assert "says that it has arrived" in loop.control.reason
@@ -278,7 +278,7 @@ def test_an_end_that_was_not_reached_is_noticed(loop: Loop, arm: FakeProcess) ->
 
 
 def test_fingers_close_on_something_between_two_stretches(loop: Loop, arm: FakeProcess) -> None:
-    arm.set(Adversity(object_at=0.5))
+    arm.set(FaultInjection(object_at=0.5))
     at, open_m = (0.45, 0.0, 0.25), SITE.limits.opening_m
     loop.go(at, at, START, openings=(open_m, open_m, 0.0, 0.0))
     loop.comes_to("idle")
@@ -387,7 +387,7 @@ def test_an_emergency_stop_pressed_elsewhere_is_a_fault_too(loop: Loop, arm: Fak
 
 
 def test_another_session_in_control_is_said(loop: Loop, arm: FakeProcess) -> None:
-    arm.set(Adversity(foreign=True))
+    arm.set(FaultInjection(foreign=True))
     loop.go((0.45, 0.0, 0.2))
     loop.comes_to("stopped")
     assert "another session has control" in loop.control.reason
@@ -416,7 +416,7 @@ def test_an_arm_that_somebody_else_has_moved_goes_on_from_where_it_is(loop: Loop
     until(lambda: tool(arm)[2] > START[2] + 0.05)
     loop.do(loop.control.stop, "STOP was pressed.")
     until(lambda: not arm.look()["moving"])
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     loop.do(loop.control.reset)
     loop.comes_to("idle")
     loop.go((0.45, 0.05, 0.35))
@@ -446,12 +446,12 @@ def test_where_the_tool_shall_be_never_jumps_also_not_where_it_is_stopped(loop: 
 def test_a_lost_connection_is_a_fault_and_is_made_again(loop: Loop, arm: FakeProcess, deaf: bool) -> None:
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: arm.look()["moving"])
-    arm.set(Adversity(deaf=True)) if deaf else arm.cut()
+    arm.set(FaultInjection(deaf=True)) if deaf else arm.cut()
     loop.comes_to("fault")
     # It may be back before anybody looks, and the reason is noted after the mode.
     until(lambda: any(reason.startswith("The connection to the arm is ") for reason in loop.reasons))
     until(lambda: not arm.look()["moving"])
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     until(lambda: "is back" in loop.control.reason)
     loop.do(loop.control.reset)
     loop.comes_to("idle")
@@ -464,17 +464,17 @@ def test_an_arm_that_says_no_more_where_it_is_stops(arm: FakeProcess) -> None:
     try:
         loop.go((0.45, 0.0, 0.1), speed=0.02)
         until(lambda: arm.look()["moving"])
-        arm.set(Adversity(lose_feedback=10**9))
+        arm.set(FaultInjection(lose_feedback=10**9))
         until(lambda: loop.control.mode != "moving")
         assert "The arm has said nothing for 0.15 s" in loop.control.reason
         until(lambda: not arm.look()["moving"])
     finally:
-        arm.set(Adversity())
+        arm.set(FaultInjection())
         loop.end()
 
 
 def test_a_push_at_the_tool_is_felt(loop: Loop, arm: FakeProcess) -> None:
-    arm.set(Adversity(force_n=20.0))
+    arm.set(FaultInjection(force_n=20.0))
     until(lambda: loop.control.force == pytest.approx([0, 0, 20.0]))
 
 

@@ -30,7 +30,7 @@ from app.rig.kinova.api.session import Empty, SessionInfo
 from app.rig.kinova.api.setup import Point, ProtectionZone, ZoneShape
 from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.client.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.fingers import FULL_S, Fingers
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.emulator.sessions import PASSWORD, USER, Sessions
@@ -126,7 +126,7 @@ def test_a_session_that_says_nothing_for_long_is_closed(arm: FakeProcess) -> Non
 
 def test_a_motion_that_falls_short_is_reported_as_complete_all_the_same(arm: FakeProcess) -> None:
     kortex = connected(arm, stops_after_s=30.0)
-    arm.set(Adversity(short_m=0.03))
+    arm.set(FaultInjection(short_m=0.03))
     kortex.go([way(0.45, 0.0, 0.2)])
     ended = heard(kortex)
     assert ended.action_event == ActionEvent.END
@@ -136,7 +136,7 @@ def test_a_motion_that_falls_short_is_reported_as_complete_all_the_same(arm: Fak
 
 def test_joints_that_do_not_move_break_nothing_off_and_reach_nothing(arm: FakeProcess) -> None:
     kortex = connected(arm, stops_after_s=30.0)
-    arm.set(Adversity(stuck=True))
+    arm.set(FaultInjection(stuck=True))
     before = tool(arm)
     kortex.go([way(0.45, 0.0, 0.2)])
     time.sleep(0.3)
@@ -158,7 +158,7 @@ def test_a_way_into_a_zone_is_broken_off_with_the_reason(arm: FakeProcess) -> No
 
 def test_a_push_at_the_tool_is_measured(arm: FakeProcess) -> None:
     kortex = connected(arm)
-    arm.set(Adversity(force_n=12.0))
+    arm.set(FaultInjection(force_n=12.0))
     base = kortex.feedback().base
     assert base is not None
     assert base.tool_external_wrench_force_z == pytest.approx(12.0)

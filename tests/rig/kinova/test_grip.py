@@ -11,7 +11,7 @@ import pytest
 from app.config import Limits, Site
 from app.core.dialogue.jog import Jog
 from app.rig.kinova.control import KinovaControl, taken
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.feedback_conversion import ArmFeedback, seen
 from app.rig.kinova.grip import Grip
@@ -33,11 +33,11 @@ def told(arm: FakeProcess) -> list[float]:
 
 @pytest.fixture
 def control(arm: FakeProcess) -> Iterator[KinovaControl]:
-    arm.set(Adversity(object_at=OBJECT))
+    arm.set(FaultInjection(object_at=OBJECT))
     control = taken(address(arm), SITE)
     yield control
     control.close()
-    arm.set(Adversity())
+    arm.set(FaultInjection())
 
 
 def fingers(control: KinovaControl, opening_m: float) -> None:
@@ -71,7 +71,7 @@ def test_what_was_gripped_is_not_pressed_again_before_the_fingers_have_opened(
     assert told(arm)[-1] <= OBJECT + 1e-6
     fingers(control, OPEN_M)
     assert arm.look()["fingers"] < 0.05
-    arm.set(Adversity())
+    arm.set(FaultInjection())
     fingers(control, 0.3 * OPEN_M)
     assert told(arm)[-1] == pytest.approx(0.7, abs=1e-6)
     assert arm.look()["fingers"] == pytest.approx(0.7, abs=0.03)
@@ -90,14 +90,14 @@ def test_a_hand_that_closes_the_fingers_presses_no_harder(control: KinovaControl
 
 
 def test_where_no_current_is_too_high_fingers_close_as_they_are_told(arm: FakeProcess) -> None:
-    arm.set(Adversity(object_at=OBJECT))
+    arm.set(FaultInjection(object_at=OBJECT))
     free = dataclasses.replace(SITE, limits=dataclasses.replace(SITE.limits, gripper_ma=None))
     control = taken(address(arm), free)
     fingers(control, 0.0)
     assert arm.look()["current_ma"] > MOST_MA
     assert told(arm) == [1.0]
     control.close()
-    arm.set(Adversity())
+    arm.set(FaultInjection())
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.arm_geometry import ArmShape, Posture
+from app.core.geometry.arm_geometry import ArmShape, JointState
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Tool
 from app.core.types import Points
@@ -145,7 +145,7 @@ def test_the_mask_covers_the_arm_in_every_image_and_not_much_else() -> None:
         joints = gen3.solved(target, gen3.HOME)
         assert joints is not None
         shape = known_gen3(FINGER, gen3.GRIPPER_M)
-        dark = np.isfinite(shadow(camera, blind, pieces(shape, Posture(joints=joints, tool=tool_pose(joints)))))
+        dark = np.isfinite(shadow(camera, blind, pieces(shape, JointState(joints=joints, tool=tool_pose(joints)))))
         rows, columns = seen(camera, surface(joints))
         assert dark[rows, columns].all()
         assert dark.mean() < 0.35

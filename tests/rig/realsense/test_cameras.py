@@ -23,7 +23,7 @@ from app.core.errors import DeviceError
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.camera_mounts import Mounted
 from app.rig.realsense.cameras import realsense_cameras
-from app.rig.realsense.recovery_policy import Patience
+from app.rig.realsense.recovery_policy import RecoveryTimeouts
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.sdk.sources import Live, RecordedSource
@@ -34,7 +34,7 @@ from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, 
 
 TIMING = replace(Site().timing, camera_period_s=0.1, camera_timeout_s=20.0)
 SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=2)
-PATIENCE = Patience(late_s=0.6, open_s=8.0, quiet_s=1.5, slow_s=10.0, back_off_s=0.2, absent_s=0.2)
+PATIENCE = RecoveryTimeouts(late_s=0.6, open_s=8.0, quiet_s=1.5, slow_s=10.0, back_off_s=0.2, absent_s=0.2)
 
 pytestmark = pytest.mark.anyio
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, Patience, Phase, Step, climbed
+from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, Phase, RecoveryTimeouts, Step, climbed
 
-PATIENCE = Patience()
+PATIENCE = RecoveryTimeouts()
 ABSENT = "there is no such camera"
 
 

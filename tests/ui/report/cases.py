@@ -8,9 +8,8 @@ from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import Family
 from app.discovery.results.case import (
     Amount,
-    Arrows,
-    Blame,
     Case,
+    CauseResult,
     Check,
     Estimate,
     Example,
@@ -20,6 +19,7 @@ from app.discovery.results.case import (
     Limit,
     NextPush,
     Power,
+    ResidualField,
     Term,
 )
 
@@ -98,7 +98,7 @@ def examples(shift: tuple[float, float] = (0.0036, -0.0021), left: float = 0.2, 
     return tuple(made)
 
 
-def arrows(shift: tuple[float, float] = (0.0036, -0.0021), noise: float = 0.0009) -> Arrows:
+def arrows(shift: tuple[float, float] = (0.0036, -0.0021), noise: float = 0.0009) -> ResidualField:
     """Residuals along the rope in all pushes: a constant part, a bit of swirl, and noise that is smooth along it."""
     rng = np.random.default_rng(5)
     places, displacements, push, along = [], [], [], []
@@ -112,7 +112,7 @@ def arrows(shift: tuple[float, float] = (0.0036, -0.0021), noise: float = 0.0009
         displacements.append(np.array(shift) * bump + smooth)
         push.append(np.full(len(points), number))
         along.append(s)
-    return Arrows(
+    return ResidualField(
         places=np.concatenate(places).astype(np.float32),
         displacements=np.concatenate(displacements).astype(np.float32),
         push=np.concatenate(push).astype(np.float32),
@@ -124,8 +124,10 @@ def estimate(name: str, value: float, half: float, unit: str, null: float = 0.0,
     return Estimate(name=name, about=about, value=value, unit=unit, low=value - half, high=value + half, null=null)
 
 
-def blame(effect: str, family: Family, about: str, probability: float, log_bayes: float, *estimates: Estimate) -> Blame:
-    return Blame(
+def blame(
+    effect: str, family: Family, about: str, probability: float, log_bayes: float, *estimates: Estimate
+) -> CauseResult:
+    return CauseResult(
         effect=effect,
         family=family,
         about=about,
@@ -135,7 +137,7 @@ def blame(effect: str, family: Family, about: str, probability: float, log_bayes
     )
 
 
-def hand_eye(probability: float = 0.97) -> Blame:
+def hand_eye(probability: float = 0.97) -> CauseResult:
     return blame(
         "hand_eye_translation",
         "sensing",
@@ -152,7 +154,7 @@ def hand_eye(probability: float = 0.97) -> Blame:
     )
 
 
-def drift(probability: float) -> Blame:
+def drift(probability: float) -> CauseResult:
     return blame(
         "friction_drift",
         "physics",
@@ -163,7 +165,7 @@ def drift(probability: float) -> Blame:
     )
 
 
-def stribeck(probability: float) -> Blame:
+def stribeck(probability: float) -> CauseResult:
     return blame(
         "stribeck",
         "physics",
@@ -175,7 +177,7 @@ def stribeck(probability: float) -> Blame:
     )
 
 
-def film(probability: float) -> Blame:
+def film(probability: float) -> CauseResult:
     return blame(
         "viscous_film",
         "physics",
@@ -186,7 +188,7 @@ def film(probability: float) -> Blame:
     )
 
 
-def others() -> tuple[Blame, ...]:
+def others() -> tuple[CauseResult, ...]:
     return (
         blame(
             "camera_time_offset",
@@ -381,7 +383,7 @@ def a_set() -> Case:
 
 def none() -> Case:
     """A model that lacks nothing; nothing to gain, and hardly anything measured."""
-    nothing = Arrows(
+    nothing = ResidualField(
         places=np.zeros((0, 2), np.float32),
         displacements=np.zeros((0, 2), np.float32),
         push=np.zeros(0, np.float32),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.discovery.results.case import Arrows, Case, Limit
+from app.discovery.results.case import Case, Limit, ResidualField
 from app.report import write_report
 from app.report.drawing.words import effect_name
 from app.report.page import SECTIONS, page
@@ -113,7 +113,7 @@ def test_a_page_stays_small(case: Case) -> None:
 def test_a_page_of_many_pushes_and_particles_stays_small() -> None:
     rng = np.random.default_rng(0)
     count = 200 * 60
-    arrows = Arrows(
+    arrows = ResidualField(
         places=rng.uniform([0.3, -0.3], [0.8, 0.3], (count, 2)).astype(np.float32),
         displacements=rng.normal(0, 0.004, (count, 2)).astype(np.float32),
         push=np.repeat(np.arange(200), 60).astype(np.float32),

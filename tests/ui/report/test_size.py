@@ -6,14 +6,14 @@ from itertools import product
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.results.case import Blame, Estimate
+from app.discovery.results.case import CauseResult, Estimate
 from app.report.drawing.size import size
 from tests.ui.report import cases
 
 CATALOGUE = catalogue()
 
 
-def blamed(*estimates: Estimate) -> Blame:
+def blamed(*estimates: Estimate) -> CauseResult:
     return cases.blame("table_tilt", "physics", "Tilt.", 0.5, 1.0, *estimates)
 
 

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from app.policy.base import Acted
+from app.policy.base import ActionDistribution
 from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
 from app.policy.learned.networks import applied
@@ -61,7 +61,7 @@ class Act:
         off = jnp.abs(made - moves).mean(-1)
         return (counts * off).sum() / counts.sum() + self.beta * divergence.mean()
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """Algorithm 2, line 3: z is the prior's mean, 0; samples of z give the spread of the demonstrations."""
         network = self._network(how)
         styles = jax.random.normal(jax.random.key(0), (_STYLES, self.style)).at[0].set(0.0)

@@ -6,7 +6,7 @@ from typing import ClassVar, final
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from app.policy.base import Acted
+from app.policy.base import ActionDistribution
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import EncoderMLP, applied
 from app.policy.learned.sight import PolicyObservation
@@ -36,7 +36,7 @@ class Cloning(NextOnly):
         mean, spread = self._told(params, shown.seen, how.space.chunk)
         return (0.5 * ((scale.to(shown.actions) - mean) / spread) ** 2 + jnp.log(spread)).mean()
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """The mean, and the standard deviation."""
         return scale.back(*self._told(params, seen, how.space.chunk))
 

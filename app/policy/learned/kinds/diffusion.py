@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from app.policy.base import Acted
+from app.policy.base import ActionDistribution
 from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import applied
@@ -58,7 +58,7 @@ class Diffusion(NextOnly):
         told = applied(self._network(how.space.chunk), params, shown.seen, noised_moves, level)
         return ((told - moves) ** 2).mean()
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """Actions denoised from a fixed noise, so that they depend on the observation alone."""
         chunk, count = how.space.chunk, len(seen.tool)
         network = self._network(chunk)

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from app.core.errors import UsageError
 from app.core.geometry.chamfer import chamfer_m2
-from app.policy.base import Acted, Now
+from app.policy.base import ActionDistribution, PlanningState
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, TrainingSimulator
 from app.policy.learned.networks import EncoderMLP, applied
 from app.policy.learned.sight import PolicyObservation
@@ -55,7 +55,7 @@ class Imitation(NextOnly):
         """Equation 4 over the window, and `told` times the mean squared error of the first moves."""
         del key
         world = _world(how)
-        now = Now(world.begin(shown.now.x), shown.now.tool)
+        now = PlanningState(world.begin(shown.now.x), shown.now.tool)
         phi = jnp.tile(jnp.array(world.phi), (len(now.x), 1))
         lost = self.told * ((self._moves(params, shown.seen, how) - scale.to(shown.actions)) ** 2).mean()
         for step in range(self.window):
@@ -64,10 +64,10 @@ class Imitation(NextOnly):
             state = _finite(state, now.state)
             off = chamfer_m2(state.x, shown.after[:, step]) / _UNIT_M**2
             lost += (shown.counts[:, step] * off).mean() / self.window
-            now = Now(state, how.space.after(action, now.tool))
+            now = PlanningState(state, how.space.after(action, now.tool))
         return lost
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """The one action that it knows."""
         moves = self._moves(params, seen, how)
         return scale.back(moves, jnp.zeros_like(moves))
@@ -77,7 +77,7 @@ class Imitation(NextOnly):
         return out.reshape(-1, *how.space.chunk)
 
     def _made(
-        self, params: Params, goal: Float[Array, "B M 3"], now: Now, how: Lessons, scale: Scale
+        self, params: Params, goal: Float[Array, "B M 3"], now: PlanningState, how: Lessons, scale: Scale
     ) -> Float[Array, "B A"]:
         """The projected action; gradients pass the projection unchanged, and are clipped."""
         wanted = how.framed(goal, now, lambda seen: self.act(params, seen, how, scale)).mean

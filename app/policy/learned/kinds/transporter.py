@@ -19,7 +19,7 @@ from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from app.core.errors import UsageError
-from app.policy.base import Acted
+from app.policy.base import ActionDistribution
 from app.policy.learned.base import Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import Dense, Eyes, applied
 from app.policy.learned.sight import PolicyObservation
@@ -81,7 +81,7 @@ class Transporter(NextOnly):
         off = (bends - space.bends(shown.actions)) * _pieces(bends)
         return lost + (off**2).sum() / max(off.size, 1)
 
-    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """The likeliest pixels, refined among their neighbours."""
         space, view, network, picture = _strokes(how), how.views[0], self._network(how), seen.pictures[0]
         begin, begin_spread = _likeliest(applied(network, params, picture, method="beginning"))
@@ -93,7 +93,7 @@ class Transporter(NextOnly):
         # How wide the maps are is of the ends; the numbers between share it as they share what the ends do.
         wide = view.pixel_m * jnp.concatenate([begin_spread, end_spread], axis=1).max(1, keepdims=True)
         share = scale.std.reshape(-1) / scale.std.max()
-        return Acted(actions, wide * share)
+        return ActionDistribution(actions, wide * share)
 
     def _network(self, how: Lessons) -> "_Transporter":
         between = _strokes(how).bends(jnp.zeros((1, how.space.chunk[0] * how.space.chunk[1]))).shape[1]

@@ -6,7 +6,7 @@ from typing import final
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Adversity:
+class FaultInjection:
     """Injected faults; none by default.
 
     `delay_s`: delay of every answer; `lose_feedback`: of every so many answers over UDP one is sent, 0 for all; `loss`:

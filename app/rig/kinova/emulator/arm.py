@@ -25,7 +25,7 @@ from app.rig.kinova.api.messages import (
 from app.rig.kinova.api.messages import Twist as TwistValues
 from app.rig.kinova.api.session import ArmStateNotification, Handle
 from app.rig.kinova.api.setup import ProtectionZone, ProtectionZoneNotification
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.fingers import Fingers
 from app.rig.kinova.emulator.motions import AlongPath, Broken, InJoints, JointMotion, Twisting
 from app.rig.kinova.emulator.timed import TimedPath
@@ -43,7 +43,7 @@ ANOTHER = 0xFFFF
 Notification = ActionNotification | ArmStateNotification | ProtectionZoneNotification
 
 
-class Denied(Exception):
+class Rejected(Exception):
     """A call is answered with an error."""
 
     def __init__(self, sub_code: int) -> None:
@@ -57,7 +57,7 @@ class FakeArm:
 
     def __init__(self) -> None:
         self.joints, self.velocity = START.copy(), np.zeros(7)
-        self.fingers, self.adversity = Fingers(), Adversity()
+        self.fingers, self.adversity = Fingers(), FaultInjection()
         self.servoing: int = ServoingMode.SINGLE_LEVEL
         self.base_faults, self.joint_faults, self.lasting = 0, [0] * 7, False
         self.zones: dict[int, ProtectionZone] = {}
@@ -107,7 +107,7 @@ class FakeArm:
         """Execute a gripper command. Raises Denied."""
         self._check(session)
         if command.gripper is None or not command.gripper.finger or command.mode not in (2, 3):
-            raise Denied(INVALID)
+            raise Rejected(INVALID)
         self.fingers.command(command)
 
     def stop(self) -> None:
@@ -183,13 +183,13 @@ class FakeArm:
     def _check(self, session: int) -> None:
         """Raise Denied where the arm would not move now for this session."""
         if self.base_faults & EMERGENCY_STOP_BIT:
-            raise Denied(ROBOT_IN_EMERGENCY_STOP)
+            raise Rejected(ROBOT_IN_EMERGENCY_STOP)
         if self.state == ArmStateCode.IN_FAULT:
-            raise Denied(ROBOT_IN_FAULT)
+            raise Rejected(ROBOT_IN_FAULT)
         if self.servoing != ServoingMode.SINGLE_LEVEL:
-            raise Denied(WRONG_MODE)
+            raise Rejected(WRONG_MODE)
         if self.adversity.foreign:
-            raise Denied(SESSION_NOT_IN_CONTROL)
+            raise Rejected(SESSION_NOT_IN_CONTROL)
         self.mover = session
 
     def _beginning(self, action: Action) -> Callable[[], JointMotion | None]:
@@ -200,7 +200,7 @@ class FakeArm:
             return lambda: InJoints(self.joints, [_angles(joints, self.joints)], [0.0])
         if (command := action.send_gripper_command) is not None and command.gripper and command.gripper.finger:
             return lambda: self.fingers.command(command)
-        raise Denied(INVALID)
+        raise Rejected(INVALID)
 
     def _along(self, ways: WaypointList) -> JointMotion:
         cartesian = tuple(each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint)

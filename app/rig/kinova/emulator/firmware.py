@@ -53,7 +53,7 @@ from app.rig.kinova.api.setup import (
     TwistLinearSoftLimit,
 )
 from app.rig.kinova.client.wire import FrameKind, KortexFrame
-from app.rig.kinova.emulator.arm import INVALID, NOT_FOUND, Denied, FakeArm
+from app.rig.kinova.emulator.arm import INVALID, NOT_FOUND, FakeArm, Rejected
 from app.rig.kinova.emulator.measured import feedback
 from app.rig.kinova.emulator.record import Record
 from app.rig.kinova.emulator.sessions import NO_SESSION, Session, Sessions
@@ -173,9 +173,9 @@ class Firmware:
         refused = 0
         try:
             if call.name == self.arm.adversity.denies:
-                raise Denied(NOT_PERMITTED)
+                raise Rejected(NOT_PERMITTED)
             return _reply(frame, handler(asked, session.number) or Empty())
-        except Denied as denied:
+        except Rejected as denied:
             refused = denied.sub_code
             return _failed(frame, DEVICE_ERROR, refused, "")
         finally:
@@ -240,7 +240,7 @@ class Firmware:
 
     def _execute(self, action: Action, session: int) -> None:
         if action.execute_waypoint_list is not None and errors(action.execute_waypoint_list, self.arm.joints):
-            raise Denied(INVALID)
+            raise Rejected(INVALID)
         self.arm.execute(action, session)
 
     def _execute_waypoints(self, ways: WaypointList, session: int) -> None:
@@ -248,7 +248,7 @@ class Firmware:
 
     def _execute_known(self, handle: ActionHandle, session: int) -> None:
         if handle.identifier != 2:
-            raise Denied(NOT_FOUND)
+            raise Rejected(NOT_FOUND)
         self.arm.execute(_HOME, session)
 
     def _validate(self, ways: WaypointList) -> ValidationReport:
@@ -258,12 +258,12 @@ class Firmware:
 
     def _set_servoing(self, asked: ServoingModeInformation, _: int) -> None:
         if asked.servoing_mode not in set(ServoingMode):
-            raise Denied(INVALID)
+            raise Rejected(INVALID)
         self.arm.servoing = asked.servoing_mode
 
     def _create_zone(self, zone: ProtectionZone) -> Handle:
         if not well_formed(zone):
-            raise Denied(INVALID)
+            raise Rejected(INVALID)
         self._zones_made += 1
         handle = Handle(identifier=self._zones_made)
         self.arm.zones[handle.identifier] = dataclasses.replace(zone, handle=handle)
@@ -271,7 +271,7 @@ class Firmware:
 
     def _delete_zone(self, number: int) -> None:
         if self.arm.zones.pop(number, None) is None:
-            raise Denied(NOT_FOUND)
+            raise Rejected(NOT_FOUND)
 
     def _tool(self) -> ToolConfiguration:
         """The delivered gripper; its mass is that of Robotiq's manual."""
@@ -295,14 +295,14 @@ class Firmware:
 
 def _mode(number: int) -> ControlMode:
     if number not in set(ControlMode):
-        raise Denied(INVALID)
+        raise Rejected(INVALID)
     return ControlMode(number)
 
 
 def _within(value: float, most: float) -> None:
     above_maximum, below_minimum = 48, 49
     if not 0 < value <= most * (1 + 1e-6):
-        raise Denied(above_maximum if value > most else below_minimum)
+        raise Rejected(above_maximum if value > most else below_minimum)
 
 
 def _limits(linear: float, angular: float, mode: int) -> KinematicLimits:
@@ -316,14 +316,14 @@ def _actions(asked: RequestedActionType) -> ActionList:
 
 def _joints(said: JointAngles) -> gen3.Joints:
     if len(said.joint_angles) != 7:
-        raise Denied(57)
+        raise Rejected(57)
     return np.radians([each.value for each in sorted(said.joint_angles, key=lambda each: each.joint_identifier)])
 
 
 def _inverse(asked: InverseKinematicsData) -> JointAngles:
     found = gen3.solved(gen3.transform(asked.cartesian_pose or Pose()), _joints(asked.guess or JointAngles()))
     if found is None:
-        raise Denied(56)
+        raise Rejected(56)
     angles = enumerate(np.degrees(found) % 360.0)
     return JointAngles(joint_angles=tuple(JointAngle(joint_identifier=i, value=float(each)) for i, each in angles))
 

@@ -12,7 +12,7 @@ from app.core.errors import DeviceError
 from app.core.system.processes import ask_for_real_time
 from app.core.system.ring import SPAWN, Ring
 from app.rig.kinova import gen3
-from app.rig.kinova.emulator.adversity import Adversity
+from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.firmware import Firmware
 from app.rig.kinova.emulator.server import LOOPBACK, STATE, Server
 
@@ -61,7 +61,7 @@ class FakeProcess:
         """Process id."""
         return self._process.pid or 0
 
-    def set(self, adversity: Adversity) -> None:
+    def set(self, adversity: FaultInjection) -> None:
         """Set the injected faults, in place of earlier ones."""
         self._ask("set", **asdict(adversity))
 
@@ -135,7 +135,7 @@ def _done(server: Server, what: str, values: dict[str, Any]) -> object:
     firmware = server.firmware
     match what:
         case "set":
-            firmware.arm.adversity = Adversity(**values)
+            firmware.arm.adversity = FaultInjection(**values)
         case "fail":
             firmware.arm.fail(**values)
         case "take over":

@@ -11,7 +11,7 @@ from app.core.geometry.scene_description import Stage
 from app.core.messages import Frame, MessageId
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
-from app.rig.simulated.injected_effects.base import Injected, SensorImages
+from app.rig.simulated.injected_effects.base import InjectedEffect, SensorImages
 from app.rig.simulated.worlds.world import Snapshot
 
 _NOISE = 3
@@ -28,7 +28,7 @@ class SimulatedCameras:
     def __init__(
         self,
         stage: Stage,
-        hidden: Sequence[Injected],
+        hidden: Sequence[InjectedEffect],
         seed: int,
         *,
         count: int = 2,
@@ -53,7 +53,7 @@ class SimulatedCameras:
         return frames
 
 
-def _standing(camera: CameraModel, middle: np.ndarray, hidden: Sequence[Injected]) -> CameraModel:
+def _standing(camera: CameraModel, middle: np.ndarray, hidden: Sequence[InjectedEffect]) -> CameraModel:
     """The camera at its true pose."""
     pose = camera.T_world_camera
     for each in hidden:

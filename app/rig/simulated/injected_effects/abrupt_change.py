@@ -5,7 +5,7 @@ By the factors exp(a) and exp(b), each up or down; the values of the session's m
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:
@@ -28,9 +28,9 @@ def _stiffness(moment: Moment, values: Values) -> Factors:
 HIDDEN = Hidden(
     family="physics",
     quantities=(
-        Quantity(name="friction_step", unit="1", typical=0.5, high=1.0),
-        Quantity(name="stiffness_step", unit="1", typical=0.5, high=1.0),
-        Quantity(name="step_time", unit="session", low=-0.5, high=0.5),
+        InjectedParameter(name="friction_step", unit="1", typical=0.5, high=1.0),
+        InjectedParameter(name="stiffness_step", unit="1", typical=0.5, high=1.0),
+        InjectedParameter(name="step_time", unit="session", low=-0.5, high=0.5),
     ),
     draw=_draw,
     friction=_friction,

@@ -5,7 +5,7 @@ The patch of a segment is its length times the rope's diameter; it lets go 2 mm 
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, plain
 
 _REACH_M = 0.002
 
@@ -19,7 +19,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
+    quantities=(InjectedParameter(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
     draw=plain,
     force=_force,
 )

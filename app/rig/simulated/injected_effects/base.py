@@ -60,7 +60,7 @@ class SensorImages(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class InjectedParameter:
     """A parameter of an effect: at `null` the effect vanishes, `typical` is a realistic size, in SI units.
 
     `low` and `high` bound the sizes that can be requested. Parameters of place or time have no typical value.
@@ -92,7 +92,7 @@ class Hidden:
     """
 
     family: Literal["physics", "sensing", "actuation"]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[InjectedParameter, ...]
     draw: Draw
     catalogued: bool = True
     physics: Callable[[WorldPhysics, "Rope", Values], WorldPhysics] | None = None
@@ -108,7 +108,7 @@ class Hidden:
     late_s: Callable[[Values], float] | None = None
 
     @property
-    def main(self) -> Quantity:
+    def main(self) -> InjectedParameter:
         """The parameter that a size refers to."""
         return self.quantities[0]
 
@@ -121,7 +121,7 @@ class Hidden:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Injected:
+class InjectedEffect:
     """An effect with its injected values."""
 
     name: str
@@ -161,16 +161,16 @@ def signed_placed(size: float, rng: np.random.Generator) -> Values:
     return placed(size * rng.choice([-1.0, 1.0]), rng)
 
 
-def components(name: str, axes: str, unit: str, typical: float, high: float) -> tuple[Quantity, ...]:
+def components(name: str, axes: str, unit: str, typical: float, high: float) -> tuple[InjectedParameter, ...]:
     """The components of a vector: `name`_x, `name`_y, ...; the size is its length."""
-    return tuple(Quantity(name=f"{name}_{axis}", unit=unit, typical=typical, high=high) for axis in axes)
+    return tuple(InjectedParameter(name=f"{name}_{axis}", unit=unit, typical=typical, high=high) for axis in axes)
 
 
-def where(name: str) -> tuple[Quantity, Quantity]:
+def where(name: str) -> tuple[InjectedParameter, InjectedParameter]:
     """Parameters `name`_x and `name`_y: a position on the table."""
     return (
-        Quantity(name=f"{name}_x", unit="m", null=0.55, low=-np.inf),
-        Quantity(name=f"{name}_y", unit="m", low=-np.inf),
+        InjectedParameter(name=f"{name}_x", unit="m", null=0.55, low=-np.inf),
+        InjectedParameter(name=f"{name}_y", unit="m", low=-np.inf),
     )
 
 

@@ -1,6 +1,6 @@
 """Camera time offset: images are taken later than their stamps say, or earlier."""
 
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, signed
 
 
 def _late_s(values: Values) -> float:
@@ -9,7 +9,7 @@ def _late_s(values: Values) -> float:
 
 HIDDEN = Hidden(
     family="sensing",
-    quantities=(Quantity(name="camera_time_offset", unit="s", typical=0.03, high=0.2),),
+    quantities=(InjectedParameter(name="camera_time_offset", unit="s", typical=0.03, high=0.2),),
     draw=signed,
     late_s=_late_s,
 )

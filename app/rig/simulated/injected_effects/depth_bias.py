@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, SensorImages, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
 
 
 def _seen(shot: SensorImages, values: Values) -> DepthImage:
@@ -16,7 +16,7 @@ def _seen(shot: SensorImages, values: Values) -> DepthImage:
 
 HIDDEN = Hidden(
     family="sensing",
-    quantities=(Quantity(name="depth_bias", unit="m", typical=0.004, high=0.02),),
+    quantities=(InjectedParameter(name="depth_bias", unit="m", typical=0.004, high=0.02),),
     draw=signed,
     seen=_seen,
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, SensorImages, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
 
 
 def _seen(shot: SensorImages, values: Values) -> DepthImage:
@@ -12,7 +12,7 @@ def _seen(shot: SensorImages, values: Values) -> DepthImage:
 
 HIDDEN = Hidden(
     family="sensing",
-    quantities=(Quantity(name="depth_scale", unit="1", typical=0.008, high=0.05),),
+    quantities=(InjectedParameter(name="depth_scale", unit="1", typical=0.008, high=0.05),),
     draw=signed,
     seen=_seen,
 )

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ def _physics(physics: WorldPhysics, _rope: "Rope", values: Values) -> WorldPhysi
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="finger_friction", unit="1", null=0.3, typical=0.6, low=0.01, high=1.5),),
+    quantities=(InjectedParameter(name="finger_friction", unit="1", null=0.3, typical=0.6, low=0.01, high=1.5),),
     draw=plain,
     physics=_physics,
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values, level
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, level
 
 _REST_M_S = 1e-3
 """Regularisation of the direction: a segment slower than about this slides in none."""
@@ -17,7 +17,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 HIDDEN = Hidden(
     family="physics",
     quantities=tuple(
-        Quantity(name=f"anisotropy_{name}", unit="1", typical=0.2, high=0.6) for name in ("axes", "diagonals")
+        InjectedParameter(name=f"anisotropy_{name}", unit="1", typical=0.2, high=0.6) for name in ("axes", "diagonals")
     ),
     draw=level,
     friction=_friction,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values, signed
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, signed
 
 
 def _friction(moment: Moment, values: Values) -> Factors:
@@ -11,7 +11,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="friction_drift", unit="1/session", typical=0.4, high=1.0),),
+    quantities=(InjectedParameter(name="friction_drift", unit="1/session", typical=0.4, high=1.0),),
     draw=signed,
     friction=_friction,
 )

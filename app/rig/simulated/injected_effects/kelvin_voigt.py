@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysic
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="solid_viscosity", unit="Pa s", typical=4.17, high=8.3),),
+    quantities=(InjectedParameter(name="solid_viscosity", unit="Pa s", typical=4.17, high=8.3),),
     draw=plain,
     physics=_physics,
 )

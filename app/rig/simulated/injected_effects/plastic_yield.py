@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysic
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="yield_softness", unit="1/Pa", typical=0.012, high=0.06),),
+    quantities=(InjectedParameter(name="yield_softness", unit="1/Pa", typical=0.012, high=0.06),),
     draw=plain,
     physics=_physics,
 )

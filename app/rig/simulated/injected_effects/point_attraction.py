@@ -5,8 +5,8 @@ The sign is random: it may repel.
 
 from app.rig.simulated.injected_effects.base import (
     Hidden,
+    InjectedParameter,
     Moment,
-    Quantity,
     Values,
     Vectors,
     acting,
@@ -27,7 +27,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="attraction", unit="1", typical=0.1, high=0.5), *where("attraction")),
+    quantities=(InjectedParameter(name="attraction", unit="1", typical=0.1, high=0.5), *where("attraction")),
     draw=signed_placed,
     force=_force,
 )

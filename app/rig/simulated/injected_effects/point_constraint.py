@@ -3,7 +3,16 @@
 Implicit in the time step, so that no rate reverses a motion.
 """
 
-from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, acting, placed, where
+from app.rig.simulated.injected_effects.base import (
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    Vectors,
+    acting,
+    placed,
+    where,
+)
 
 _WIDTH_M = 0.015
 
@@ -16,7 +25,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="constraint_rate", unit="1/s", typical=125.0, high=830.0), *where("constraint")),
+    quantities=(InjectedParameter(name="constraint_rate", unit="1/s", typical=125.0, high=830.0), *where("constraint")),
     draw=placed,
     force=_force,
 )

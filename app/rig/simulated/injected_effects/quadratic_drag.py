@@ -5,7 +5,7 @@ Not in the catalogue, whose film is linear; at 0.15 m/s the typical size is a fi
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, acting, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, acting, plain
 
 
 def _force(moment: Moment, values: Values) -> Vectors:
@@ -15,7 +15,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 HIDDEN = Hidden(
     family="physics",
     catalogued=False,
-    quantities=(Quantity(name="quadratic_drag", unit="1/m", typical=40.0, high=200.0),),
+    quantities=(InjectedParameter(name="quadratic_drag", unit="1/m", typical=40.0, high=200.0),),
     draw=plain,
     force=_force,
 )

@@ -6,7 +6,7 @@ less, and the rope runs on after the finger has stopped.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values, plain
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, plain
 
 _REACH_M = 0.003
 """Gap between surfaces that counts as contact."""
@@ -18,7 +18,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="rolling_share", unit="1", null=1.0, typical=0.5, low=0.02, high=1.0),),
+    quantities=(InjectedParameter(name="rolling_share", unit="1", null=1.0, typical=0.5, low=0.02, high=1.0),),
     draw=plain,
     friction=_friction,
 )

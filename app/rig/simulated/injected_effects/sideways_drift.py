@@ -5,7 +5,7 @@ Not in the catalogue: the force is across the motion and does no work.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, Moment, Quantity, Values, Vectors, acting, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, acting, signed
 
 _REST_M_S = 5e-3
 """Speed far below which the pull is in proportion to it."""
@@ -20,7 +20,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 HIDDEN = Hidden(
     family="physics",
     catalogued=False,
-    quantities=(Quantity(name="sideways_drift", unit="1", typical=0.15, high=0.5),),
+    quantities=(InjectedParameter(name="sideways_drift", unit="1", typical=0.15, high=0.5),),
     draw=signed,
     force=_force,
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values, level
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, level
 
 
 def _stiffness(moment: Moment, values: Values) -> Factors:
@@ -14,8 +14,8 @@ def _stiffness(moment: Moment, values: Values) -> Factors:
 HIDDEN = Hidden(
     family="physics",
     quantities=(
-        Quantity(name="stiffness_slope", unit="1", typical=0.5, high=1.0),
-        Quantity(name="stiffness_bow", unit="1", typical=0.4, high=0.7),
+        InjectedParameter(name="stiffness_slope", unit="1", typical=0.5, high=1.0),
+        InjectedParameter(name="stiffness_bow", unit="1", typical=0.4, high=0.7),
     ),
     draw=level,
     stiffness=_stiffness,

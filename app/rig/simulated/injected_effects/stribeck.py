@@ -5,7 +5,7 @@ The speed at which the excess falls to a third is drawn near the typical one.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values
 
 _SPEED_M_S = 0.06
 
@@ -22,8 +22,8 @@ def _friction(moment: Moment, values: Values) -> Factors:
 HIDDEN = Hidden(
     family="physics",
     quantities=(
-        Quantity(name="stribeck_excess", unit="1", typical=0.4, high=2.0),
-        Quantity(name="stribeck_speed", unit="m/s", null=_SPEED_M_S),
+        InjectedParameter(name="stribeck_excess", unit="1", typical=0.4, high=2.0),
+        InjectedParameter(name="stribeck_speed", unit="m/s", null=_SPEED_M_S),
     ),
     draw=_draw,
     friction=_friction,

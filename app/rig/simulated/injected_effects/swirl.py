@@ -7,8 +7,8 @@ import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
     Hidden,
+    InjectedParameter,
     Moment,
-    Quantity,
     Values,
     Vectors,
     acting,
@@ -25,7 +25,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 HIDDEN = Hidden(
     family="physics",
     catalogued=False,
-    quantities=(Quantity(name="swirl", unit="1/s^2", typical=8.0, high=20.0), *where("swirl")),
+    quantities=(InjectedParameter(name="swirl", unit="1/s^2", typical=8.0, high=20.0), *where("swirl")),
     draw=signed_placed,
     force=_force,
 )

@@ -6,7 +6,7 @@ Two more slides of the finger's own body, beyond those that move it; light, and 
 from math import sqrt
 from typing import Any
 
-from app.rig.simulated.injected_effects.base import Hidden, Quantity, Values, plain
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.engine import mujoco
 from app.rig.simulated.worlds.physics import WorldPhysics
 
@@ -26,7 +26,7 @@ def _build(spec: Any, _physics: WorldPhysics, values: Values) -> None:
 
 HIDDEN = Hidden(
     family="actuation",
-    quantities=(Quantity(name="tool_compliance", unit="m/N", typical=0.02, high=0.2),),
+    quantities=(InjectedParameter(name="tool_compliance", unit="m/N", typical=0.02, high=0.2),),
     draw=plain,
     build=_build,
 )

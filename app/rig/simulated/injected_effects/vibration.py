@@ -5,7 +5,7 @@ Not in the catalogue: a machine runs in the same room.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Quantity, Values
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:
@@ -20,8 +20,8 @@ HIDDEN = Hidden(
     family="physics",
     catalogued=False,
     quantities=(
-        Quantity(name="vibration", unit="1", typical=0.5, high=0.9),
-        Quantity(name="vibration_frequency", unit="Hz"),
+        InjectedParameter(name="vibration", unit="1", typical=0.5, high=0.9),
+        InjectedParameter(name="vibration_frequency", unit="Hz"),
     ),
     draw=_draw,
     friction=_friction,

@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int
 
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.scene_description import Finger, Rope
-from app.rig.simulated.injected_effects.base import Injected, Moment, Vectors
+from app.rig.simulated.injected_effects.base import InjectedEffect, Moment, Vectors
 from app.rig.simulated.worlds.physics import Position, WorldPhysics
 from app.rig.simulated.worlds.rope import hinge_owner
 
@@ -27,7 +27,7 @@ class Intrusion:
     `session`: position of the present push between the first (-0.5) and the last (0.5); set by the caller.
     """
 
-    def __init__(self, hidden: Sequence[Injected]) -> None:
+    def __init__(self, hidden: Sequence[InjectedEffect]) -> None:
         self.session = 0.0
         self._hidden = tuple(hidden)
         self._acts = any(_acts(each) for each in hidden)
@@ -173,7 +173,7 @@ class _Chain:
         return carried + np.cross(spin, x - self._data.subtree_com[self._model.body_rootid[self._links]])
 
 
-def _acts(each: Injected) -> bool:
+def _acts(each: InjectedEffect) -> bool:
     """True for an effect that acts in each time step."""
     effect = each.effect
     return any(hook is not None for hook in (effect.friction, effect.force, effect.stiffness, effect.relaxed))
