@@ -22,9 +22,9 @@ from app.config import Site
 from app.core.messages import Executed
 from app.core.motion import Motion
 from app.core.system.worker import Worker
+from app.jobs.worker_api import nominal_model, plan, warm_up_stage, warm_up_stages
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks import Task, load
-from app.tasks.worker_api import nominal_model, plan, warm_up_stage, warm_up_stages
 from app.ui.console import open_console
 from bench.approval import approved
 

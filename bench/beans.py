@@ -10,9 +10,10 @@ import tyro
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.evaluation.episode import EpisodeStep, EvaluationConfig, Eyes, play
+from app.jobs.worker_api import nominal_model
 from app.planner.method import Method
-from app.tasks import load, nominal_model
-from app.tasks.aim import SuccessCriterion
+from app.tasks import load
+from app.tasks.elements.aim import SuccessCriterion
 
 
 @final

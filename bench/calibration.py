@@ -20,10 +20,11 @@ from app.calibration.evidence import Evidence, ModelScorer, gather
 from app.calibration.fit import FitSettings
 from app.config import Site
 from app.core.messages import Transition
+from app.jobs.jit_cache import advance
+from app.jobs.worker_api import nominal_model
 from app.policy.base import AWAY, PlanningState
 from app.sim.model.params import index
-from app.tasks import Task, load, nominal_model
-from app.tasks.jit_cache import advance
+from app.tasks import Task, load
 from bench.table import Table
 
 

@@ -18,13 +18,14 @@ from scipy.stats import binomtest
 from app.calibration.calibrate import Calibrator, phi_of
 from app.calibration.evidence import Evidence
 from app.calibration.fit import Fit, FitSettings
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.policy.base import AWAY
 from app.sim.model.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
-from app.tasks import jit_cache as compiled
-from app.tasks import load, nominal_model
-from app.tasks.base import Task
+from app.tasks import load
+from app.tasks.elements.base import Task
 
 TASK: Final = load("rope_push@rods")
 PUSHES: Final = 10
@@ -81,12 +82,12 @@ def fitted(evidence: Evidence, settings: FitSettings | None = None) -> Fit:
 
 def _calibrator(particles: int, settings: FitSettings) -> Calibrator:
     if particles == TASK.preset("cpu").particle_count:
-        return compiled.calibrator(TASK.name, "cpu", settings, phi_of(nominal_model(TASK.name)))
+        return jit_cache.calibrator(TASK.name, "cpu", settings, phi_of(nominal_model(TASK.name)))
     raise ValueError(f"{particles} particles are not those of the preset cpu.")
 
 
 def _offset_m(truth: Truth) -> Float32[np.ndarray, "3"]:
-    offset = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
+    offset = jit_cache.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
     assert offset is not None
     return np.array([*(offset.matrix @ [truth.tcp_x, truth.tcp_y]), 0.0], np.float32)
 

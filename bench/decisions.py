@@ -15,6 +15,7 @@ import numpy as np
 
 from app.calibration.evidence import Evidence, ModelScorer
 from app.core.geometry.chamfer import chamfer_m2
+from app.jobs import jit_cache
 from app.planner.actions.actions import Pushes
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
@@ -27,7 +28,6 @@ from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
 from app.sim.tools.box import BoxCollider, GripperCollider
-from app.tasks import jit_cache as compiled
 from app.tasks import load
 
 GRADIENT_STEPS = 10
@@ -63,7 +63,7 @@ def rope(repeats: int) -> Decision:
             space=space,
             policy=task.policy,
             weights=task.weights,
-            advance=compiled.carried("rope_push", size.particle_count),
+            advance=jit_cache.carried("rope_push", size.particle_count),
             branches=16,
             depth=3,
         ),
@@ -71,7 +71,7 @@ def rope(repeats: int) -> Decision:
         gradient_steps=GRADIENT_STEPS,
     )
     x, goal = (task.goal(seed, size.particle_count) for seed in (0, 1))
-    phi = compiled.phi_of(compiled.nominal_model("rope_push"))
+    phi = jit_cache.phi_of(jit_cache.nominal_model("rope_push"))
     seconds = timed(lambda seed: planner(PlanRequest(observed=x, goal=goal, phi=phi, seed=seed)), repeats)
     return Decision(
         case="rope decision",
@@ -154,8 +154,8 @@ def calibration(repeats: int) -> Decision:
         tool=np.asarray(task.actions.tool_path(jnp.asarray(actions), away)),
         after=np.tile(after, (transitions, 1, 1)),
     )
-    predictor = ModelScorer(advance=compiled.advance("rope_push", particles), chunk=50)
-    phi = compiled.phi_of(compiled.nominal_model("rope_push"))
+    predictor = ModelScorer(advance=jit_cache.advance("rope_push", particles), chunk=50)
+    phi = jit_cache.phi_of(jit_cache.nominal_model("rope_push"))
     seconds = timed(lambda _seed: predictor.slopes(phi, evidence), repeats)
     return Decision(
         case="calibration update",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown
 
@@ -14,7 +14,7 @@ MEASURED = Path(__file__).parents[1] / "docs" / "measured" / "evaluation.jsonl"
 
 def main(file: Annotated[Path, tyro.conf.Positional] = MEASURED) -> None:
     """Print the tables of an evaluation's rows, as Markdown."""
-    print(markdown(scores(ledger.latest(file))))
+    print(markdown(scores(results_log.latest(file))))
 
 
 if __name__ == "__main__":

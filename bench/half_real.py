@@ -21,8 +21,8 @@ from rich.table import Table
 from app.discovery.dataset.study import Study
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.known_errors import effect_of, with_error
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict_on

@@ -11,7 +11,7 @@ import tyro
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
 from app.evaluation.curves import draw
 from app.evaluation.figure import save
 from app.evaluation.scores import MM2, Score, scores
@@ -35,13 +35,15 @@ def main(folder: Path = _MEASURED, images: Path = _DOCS / "images") -> None:
             taught.
         images: where the figures go.
     """
-    taught = ledger.latest(folder / "policies.jsonl")
+    taught = results_log.latest(folder / "policies.jsonl")
     rows = [*_planners(folder / "evaluation.jsonl", {row["key"] for row in taught}), *taught]
     print(markdown(scores(rows)))
     for file in draw(rows, images, "learned"):
         print(file)
     counted = [{**row, "demonstrations": _TEN} for row in taught if row["task"] == _TASK]
-    counted += {(row["key"], row["demonstrations"]): row for row in ledger.lines(folder / "efficiency.jsonl")}.values()
+    counted += {
+        (row["key"], row["demonstrations"]): row for row in results_log.lines(folder / "efficiency.jsonl")
+    }.values()
     found = _efficiency(counted)
     print(_table(found))
     _draw(found, images / f"{_TASK}-demonstrations.svg")
@@ -51,7 +53,7 @@ def _planners(file: Path, known: set[str]) -> list[dict[str, Any]]:
     """Rows without learned policies: the planners, and the paper's ablations; episodes that are not known yet."""
     return [
         row
-        for row in ledger.latest(file)
+        for row in results_log.latest(file)
         if row["ablation"] in _SHOWN and row["seed"] < _SEEDS and row["key"] not in known
     ]
 

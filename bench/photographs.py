@@ -11,7 +11,7 @@ from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.physics import HOME_TOOL_M
 from app.rig.simulated.worlds.world import Snapshot
-from app.tasks.base import Nodes, Task
+from app.tasks.elements.base import Nodes, Task
 
 
 def rendered(task: Task, nodes: Nodes, seed: int) -> Points:

@@ -12,7 +12,8 @@ import tyro
 from app.core.errors import PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Transition
-from app.tasks import Task, load, nominal_model, plan, update
+from app.jobs.worker_api import nominal_model, plan, update
+from app.tasks import Task, load
 from bench.table import Table
 
 

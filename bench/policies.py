@@ -13,15 +13,15 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.errors import UsageError
+from app.jobs.jit_cache import nominal_model
+from app.jobs.teaching import lessons, simulator
 from app.planner.search.tree import first_action
 from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.examples import Examples
 from app.policy.learned.train import Progress, TrainingSettings, learn
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.jit_cache import nominal_model
-from app.tasks.teaching import lessons, simulator
+from app.tasks.elements.base import Task
 
 _STEPS: Final = {"bc": 2000, "act": 1500, "diffusion": 900, "transporter": 600, "ild": 80}
 """Steps of the reduced trainings of docs/results.md, of `_BATCH` situations each."""

@@ -33,8 +33,8 @@ from app.discovery.results.gain import error_mm
 from app.discovery.results.verdict import ranking_of, verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
+from app.jobs.discovery_subject import doubted_in
 from app.tasks import load
-from app.tasks.discovery_subject import doubted_in
 from bench import real_pushes
 from bench.hidden.known_errors import with_error
 from bench.leave_one_out import paired

@@ -22,7 +22,7 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import AWAY
 from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.state import RodState
-from app.tasks.rods import CONTACT, NOMINAL
+from app.tasks.elements.rods import CONTACT, NOMINAL
 from bench.rods import SCENE, SIMULATE, TASK, physics
 
 COUNT: Final = 160

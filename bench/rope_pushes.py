@@ -15,10 +15,10 @@ from jaxtyping import Float64
 from app.core.errors import UsageError
 from app.core.types import Cloud
 from app.discovery.dataset.model_under_test import Subject
+from app.jobs.discovery_subject import subject_of
 from app.perception.body.fill import CELL_M, Underside, fill, points_inside
 from app.sim.model.scene import Body
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 
 FOLDER: Final = Path(__file__).parents[2] / "shared" / "data" / "real_rope_pushes"
 RADIUS_M: Final = 0.006

@@ -27,7 +27,7 @@ from app.sim.model.params import NOMINAL_PHYSICS, nominal_phi
 from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 _CASES = {"cpu": ((300, 16), (2000, 1)), "gpu": ((2000, 16), (300, 150), (2000, 1))}
 _LENGTH_M, _RADIUS_M = 0.40, 0.008

@@ -33,7 +33,7 @@ from app.recording.library.session_recorder import open_studio
 from app.recording.read.reader import read_messages
 from app.recording.write.preflight import Room
 from app.tasks import Task, load
-from app.tasks.base import EpisodeConfig
+from app.tasks.elements.base import EpisodeConfig
 
 _MINUTES, _RIG, _TASK, _PRESET = 10.0, "rehearsal", "rope_push", "cpu"
 _SAMPLE_S = 10.0

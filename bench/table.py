@@ -11,7 +11,7 @@ from app.core.motion import Motion, pointing_down
 from app.core.types import Points
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import Task
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 NOISE_M = 0.0015
 """Noise of a particle's position on each axis: about that of two cameras and reconstruction."""

@@ -17,15 +17,16 @@ from app.config import Site
 from app.core.messages import Model
 from app.core.motion import Motion
 from app.core.types import ColourImage
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
 from app.evaluation.episode import EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
+from app.jobs.teaching import SHIPPED, learned
+from app.jobs.worker_api import nominal_model
 from app.planner.method import DIPAC, PAPER, Method
 from app.recording.exchange.model_file import load_model
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS, index
-from app.tasks import load, nominal_model
-from app.tasks.teaching import SHIPPED, learned
+from app.tasks import load
 from bench.task_pictures import images as of_policy
 from bench.task_pictures import save
 
@@ -39,7 +40,7 @@ def table(evaluation: tyro.conf.Positional[Path], images: Path = Path("docs/imag
         evaluation: a folder of results, with the model that demonstrations on the rod calibrated.
         images: where the plot goes.
     """
-    rows = [row for row in ledger.latest(evaluation / "episodes.jsonl") if _online(row)]
+    rows = [row for row in results_log.latest(evaluation / "episodes.jsonl") if _online(row)]
     start = load_model(evaluation / "models" / f"{TASK}.toml", task=TASK, time_s=0.0)
     names = load(TASK).calibrated
     print(f"| seed | push | {' | '.join(map(_headed, names))} | beyond the wall |")

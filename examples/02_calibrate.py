@@ -9,9 +9,10 @@ import tyro
 from tyro.conf import Positional
 
 from app.core.messages import Model
+from app.jobs.worker_api import calibrate, nominal_model
 from app.recording.exchange.model_file import save_model
 from app.recording.read.reader import read_episode, read_transitions
-from app.tasks import calibrate, load, named, nominal_model
+from app.tasks import load, named
 
 
 def main(recordings: Positional[tuple[Path, ...]], output: Path = Path("model.toml"), preset: str = "cpu") -> Model:

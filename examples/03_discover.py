@@ -10,9 +10,9 @@ from tyro.conf import Positional
 
 from app.discovery.pipeline import discover
 from app.discovery.results.case import Case
+from app.jobs.discovery_subject import doubted_in
 from app.services.study import read_study
 from app.tasks import load, named
-from app.tasks.discovery_subject import doubted_in
 
 
 def main(recordings: Positional[tuple[Path, ...]]) -> Case:

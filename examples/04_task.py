@@ -14,10 +14,11 @@ from app.core.dialogue.words import millimetres
 from app.core.geometry.scene_description import Rope
 from app.core.types import Points
 from app.evaluation.episode import EpisodeResults, EvaluationConfig, play
+from app.jobs.worker_api import nominal_model
 from app.planner.method import DIPAC
-from app.tasks import add, load, named, nominal_model
-from app.tasks.base import Nodes
-from app.tasks.curves import CurveSampler, fill_tube
+from app.tasks import add, load, named
+from app.tasks.elements.base import Nodes
+from app.tasks.elements.curves import CurveSampler, fill_tube
 
 
 @final

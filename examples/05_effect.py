@@ -17,7 +17,7 @@ from app.sim.model.params import parameters_with
 from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 MIDDLE_X, MIDDLE_Y = wp.constant(MIDDLE_M[0]), wp.constant(MIDDLE_M[1])
 

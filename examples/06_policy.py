@@ -11,13 +11,13 @@ import tyro
 from jaxtyping import Float32
 from tyro.conf import Positional
 
+from app.jobs.teaching import examples, lessons
 from app.planner.search.tree import first_action
 from app.policy.base import PlanningState
 from app.policy.learned.kinds import load as load_kind
 from app.policy.learned.train import TrainingSettings, learn
 from app.recording.library.demonstrations import read_taught
 from app.tasks import load
-from app.tasks.teaching import examples, lessons
 
 
 def main(recordings: Positional[tuple[Path, ...]], kind: str = "bc", steps: int = 100) -> Float32[np.ndarray, "2 2 2"]:

@@ -13,13 +13,14 @@ import tyro
 from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
 from app.core.dialogue.words import millimetres
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.planner.search.budget import at_least, tree_rollouts
 from app.planner.search.optimise import Evaluate, OptimizedRollouts, OptimizerConfig, select
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Rollout, TreeConfig
-from app.tasks import jit_cache as compiled
-from app.tasks import load, nominal_model
+from app.tasks import load
 
 STEP = 0.5
 
@@ -47,8 +48,8 @@ def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -
 
 def main(name: str = "rope_push@rods", preset: str = "cpu", seed: int = 0) -> Plan:
     """Plan the first push of a problem with the nominal model."""
-    task, size, phi = load(name), load(name).preset(preset), compiled.phi_of(nominal_model(name))
-    decide = planner(compiled.search(name, preset, phi), task.descent, size.gradient_steps)
+    task, size, phi = load(name), load(name).preset(preset), jit_cache.phi_of(nominal_model(name))
+    decide = planner(jit_cache.search(name, preset, phi), task.descent, size.gradient_steps)
     x, goal = task.particles(task.start(seed), size.particle_count), task.goal(seed, size.particle_count)
     plan = decide(PlanRequest(observed=x, goal=goal, phi=phi, seed=seed))
     before, after = millimetres(plan.chamfer_m2), millimetres(plan.predicted_chamfer_m2)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.scene_description import Finger
 from app.discovery.dataset.study import Study
 from app.policy.random_pushes import PushDesign
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 from bench.hidden.ropes import RopeCase
 from tests.plain_data import offsets_of
 

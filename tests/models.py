@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app.core.messages import Model
-from app.tasks import nominal_model
+from app.jobs.worker_api import nominal_model
 
 
 def model_with(task: str, **values: float) -> Model:

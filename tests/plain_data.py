@@ -9,7 +9,7 @@ import numpy as np
 from app.core.geometry.track import Track
 from app.policy.random_pushes import PushDesign, midway_s, random_track
 from app.tasks import load
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 POINTS = TASK.preset("cpu").particle_count

@@ -86,9 +86,9 @@ def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
     import numpy as np
 
     from app.core.geometry.track import Track
+    from app.jobs.suggested_push import motion_of
     from app.planner.actions.actions import Pushes
     from app.tasks import load
-    from app.tasks.suggested_push import motion_of
 
     actions = load(task).actions
     if not isinstance(actions, Pushes):

@@ -39,15 +39,15 @@ from app.core.system.processes import in_real_time
 from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded
 from app.flow import Flow
+from app.jobs.goals import goal_of
+from app.jobs.probed import probed_subject
+from app.jobs.worker_api import check_model, choose_preset, shown_goal
 from app.planner.method import Method
 from app.recording.exchange.model_file import load_model
 from app.recording.library.session_recorder import SessionRecorder, open_studio
 from app.recording.write.preflight import Room
 from app.tasks import Task, load
-from app.tasks.base import EpisodeConfig, Experiment
-from app.tasks.goals import goal_of
-from app.tasks.probed import probed_subject
-from app.tasks.worker_api import check_model, choose_preset, shown_goal
+from app.tasks.elements.base import EpisodeConfig, Experiment
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0

@@ -28,7 +28,7 @@ from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
 """Any number of points [m]."""

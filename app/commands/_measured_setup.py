@@ -22,8 +22,8 @@ from app.recording.exchange.npz_import import Plain, PlainEpisode, PlainObservat
 from app.recording.exchange.plain_checks import half_sides
 from app.sim.rods.geometry.rope_size import rope_size
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.sizes import SIZES
+from app.tasks.elements.base import Task
+from app.tasks.elements.sizes import SIZES
 
 _STEEP_DEG: Final = 20.0
 """Largest credible tilt of a table with a rope on it against the arm's base."""

@@ -8,7 +8,7 @@ from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
 from app.tasks import load, named
-from app.tasks.sizes import SIZES
+from app.tasks.elements.sizes import SIZES
 
 Dynamics: TypeAlias = Literal["rods", "mpm"]
 
@@ -33,7 +33,7 @@ def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None
 
 
 def read_sizes(path: Path) -> dict[str, float]:
-    """Sizes in a TOML file such as `length_m = 0.3`, by the names of `app.tasks.sizes.SIZES`.
+    """Sizes in a TOML file such as `length_m = 0.3`, by the names of `app.tasks.elements.sizes.SIZES`.
 
     Raises UsageError where it cannot be read, or says anything else.
     """

@@ -16,11 +16,11 @@ from app.core.task_name import recorded
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
+from app.jobs.probed import belief, next_probe, probe_motion, probed_subject, refusal
 from app.perception.body.resample_to_count import recounted
 from app.recording.write.file import EpisodeFile
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
-from app.tasks.base import Task
-from app.tasks.probed import belief, next_probe, probe_motion, probed_subject, refusal
+from app.tasks.elements.base import Task
 
 _REJECTIONS = 20
 """Rejected pushes in a row after which an experiment ends with an error."""
@@ -120,8 +120,8 @@ class ProbedCell:
 
     def _aimed(self, track: Track, seen: ProjectionView) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
+        from app.jobs.suggested_push import aimed
         from app.planner.actions.actions import Pushes
-        from app.tasks.suggested_push import aimed
 
         assert isinstance(self._task.actions, Pushes)
         motion = probe_motion(self._task, track, self._site)

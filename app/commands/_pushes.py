@@ -63,7 +63,7 @@ def read_pushes(path: Path, task: str) -> "tuple[Track, ...]":
 
 def motions_in(path: Path, task: str, name: str, site: "Site") -> "tuple[Motion, ...]":
     """The same as motions of the arm; `name` is the full one of `task`. To be run where the simulator may be loaded."""
+    from app.jobs.probed import probe_motion
     from app.tasks import load
-    from app.tasks.probed import probe_motion
 
     return tuple(probe_motion(load(name), track, site) for track in read_pushes(path, task))

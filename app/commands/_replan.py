@@ -16,12 +16,12 @@ from app.core.errors import UsageError
 from app.core.messages import Episode, Goal, Model, Particles, Proposal
 from app.core.system.worker import Worker
 from app.core.types import ToolPose
+from app.jobs.worker_api import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
 from app.planner.method import PAPER, Method
 from app.recording.exchange.model_file import load_model
 from app.recording.read.timeline import Timeline
 from app.tasks import Task, load
-from app.tasks.base import EpisodeConfig
-from app.tasks.worker_api import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
+from app.tasks.elements.base import EpisodeConfig
 from app.ui.parts.console_state import ConsoleState
 from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
@@ -85,7 +85,7 @@ async def replanned(
 ) -> Replanned:
     """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
-    Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.worker_api.plan`
+    Raises UsageError where that moment cannot be planned, and what loading the model and `app.jobs.worker_api.plan`
     raise.
     """
     seen = await to_thread.run_sync(moment, timeline, order.time_s)

@@ -15,13 +15,13 @@ from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
+from app.jobs.discovery_subject import doubted_in
+from app.jobs.extended import estimated, extended_model
 from app.recording.exchange.model_file import save_model
 from app.report import show_case, verdict_json, write_report
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
-from app.tasks.discovery_subject import doubted_in
-from app.tasks.extended import estimated, extended_model
 
 
 def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:

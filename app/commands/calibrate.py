@@ -20,13 +20,13 @@ from app.core.messages import Model, Transition
 from app.core.task_name import recorded
 from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
+from app.jobs.worker_api import calibration, check_model, ends_of_ranges, nominal_model
 from app.recording.exchange.model_file import load_model, save_model
 from app.recording.format.digests import check_distinct, digest
 from app.recording.library.recording_index import counted_once
 from app.recording.read.reader import read_episode, read_transitions
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.worker_api import calibration, check_model, ends_of_ranges, nominal_model
+from app.tasks.elements.base import Task
 
 
 def calibrate(

@@ -15,9 +15,9 @@ from app.core.errors import PlanningError, UsageError
 from app.core.geometry.scene_description import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.episode import Eyes
+from app.jobs.worker_api import choose_preset
 from app.recording.write.writer import unused
 from app.tasks import load
-from app.tasks.worker_api import choose_preset
 
 _TRIES = 5
 """Problems that are played for each recording, at most, where those that miss their goal are not kept."""

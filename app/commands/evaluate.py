@@ -13,7 +13,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import RopeModel
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
 from app.evaluation.curves import draw
 from app.evaluation.demonstrate import calibrated
 from app.evaluation.episode import Eyes
@@ -21,10 +21,10 @@ from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
 from app.evaluation.workers import Where, finished, share_the_machine
+from app.jobs.worker_api import check_model, choose_preset
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.recording.exchange.model_file import load_model
 from app.tasks import load, names
-from app.tasks.worker_api import check_model, choose_preset
 
 EPISODES: Final = "episodes.jsonl"
 _Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")]
@@ -106,7 +106,7 @@ def evaluate(
     if not trials:
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
     make_folder(output / "models", "-o")
-    with ledger.held(output):
+    with results_log.held(output):
         if model is not None:
             _keep(model, models)
         _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
@@ -184,7 +184,7 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
         bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
         for trial, outcome in finished(run_trial, left, where=workers, processes=jobs):
             row = outcome if isinstance(outcome, dict) else _lost(trial, outcome)
-            ledger.append(path, {"key": trial.key} | row)
+            results_log.append(path, {"key": trial.key} | row)
             progress.update(bar, advance=1)
             progress.console.print(f"{trial.key}: {_told(row)}", markup=False)
 
@@ -231,7 +231,7 @@ def _told(row: dict[str, Any]) -> str:
 
 def _rows(path: Path, tasks: Collection[str]) -> list[dict[str, Any]]:
     """All episodes of these tasks, by whatever command."""
-    return [row for row in ledger.latest(path) if row["task"] in tasks]
+    return [row for row in results_log.latest(path) if row["task"] in tasks]
 
 
 def _report(terminal: Console, rows: Sequence[dict[str, Any]], output: Path) -> None:

@@ -19,7 +19,7 @@ from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.effect_sampling import check_world, draw, mistuned
 from app.tasks import load
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 
 _MOST = 99
 """Largest number of episodes, and of pushes in one."""

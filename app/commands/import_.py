@@ -19,8 +19,8 @@ from app.recording.exchange.npz_import import Plain, read_plain
 from app.recording.format import digests
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.sizes import SIZES
+from app.tasks.elements.base import Task
+from app.tasks.elements.sizes import SIZES
 
 
 def import_(

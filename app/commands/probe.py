@@ -18,13 +18,13 @@ from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.experiments.probe import belief_words, stop_of, stop_words
+from app.jobs.probed import probed_subject
 from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.effect_sampling import draw, mistuned
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.probed import probed_subject
+from app.tasks.elements.base import Task
 
 _MOST = 400
 """Pushes: an evening's."""

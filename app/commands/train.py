@@ -18,6 +18,8 @@ from app.commands._version import code_version
 from app.core.errors import SimulationError, UsageError
 from app.core.task_name import recorded
 from app.evaluation.learning import draw_learning
+from app.jobs.teaching import examples, lessons, simulator
+from app.jobs.worker_api import check_model, nominal_model
 from app.policy.learned import kinds
 from app.policy.learned.base import Lessons
 from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training, shape_of
@@ -27,8 +29,6 @@ from app.recording.format.digests import check_distinct
 from app.recording.library.demonstrations import Demonstrations, read_taught
 from app.recording.library.recording_index import counted_once
 from app.tasks import load
-from app.tasks.teaching import examples, lessons, simulator
-from app.tasks.worker_api import check_model, nominal_model
 
 _SAVE_EVERY = 500
 """Steps, between two checkpoints."""

@@ -15,14 +15,14 @@ from app.core.errors import RecordingError
 from app.core.geometry.scene_description import Rope, RopeModel
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
 from app.evaluation.episode import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
+from app.jobs.worker_api import calibrate, nominal_model
 from app.planner.method import Method
 from app.recording.exchange.model_file import save_model
 from app.recording.format import digests
 from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
-from app.tasks.base import EpisodeConfig
-from app.tasks.worker_api import calibrate, nominal_model
+from app.tasks.elements.base import EpisodeConfig
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
 """Demonstrator: the task's scripted policy, the same with its actions improved by descent, or the planner.

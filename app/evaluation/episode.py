@@ -14,12 +14,12 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.orientation import UNKNOWN
 from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
 from app.core.types import Centreline, Points
+from app.jobs import worker_api
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
 from app.rig.simulated.lockstep import LockStep
-from app.tasks import worker_api as jobs
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 
 Eyes: TypeAlias = Literal["cameras", "truth"]
 """Rendered images that perception makes particles of; or the truth, spread as evenly and with the noise of that."""
@@ -179,7 +179,7 @@ class _Episode:
             seed = hash((order.seed, index, attempt)) % 2**31
             method = order.otherwise if attempt and order.otherwise else self._method
             try:
-                return jobs.plan(
+                return worker_api.plan(
                     *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
                     tool=self._cell.tool,
                     method=method,
@@ -200,9 +200,9 @@ class _Episode:
     def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
         transition = Transition.between(before, executed, after)
         self._learnt.append(transition)
-        self._orientation = jobs.track_orientation(self._task.name, self._orientation, transition, self._model)
+        self._orientation = worker_api.track_orientation(self._task.name, self._orientation, transition, self._model)
         if self._order.online:
             task, preset = self._task.name, self._order.preset
             with suppress(DipacError):  # What cannot be learnt from leaves the model as it was, as in the application.
-                self._model = jobs.update(task, preset, self._learnt, self._model, self._site)
+                self._model = worker_api.update(task, preset, self._learnt, self._model, self._site)
         return transition

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.evaluation.figure import save
 from app.evaluation.scores import MM2
-from app.tasks.jit_cache import Calibrated
+from app.jobs.jit_cache import Calibrated
 
 
 def draw_trials(found: Calibrated, path: Path) -> None:

@@ -14,11 +14,11 @@ from app.config import Site
 from app.core.geometry.scene_description import RopeModel
 from app.core.messages import Model
 from app.evaluation.episode import EvaluationConfig, Eyes, play
+from app.jobs import worker_api
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
 from app.recording.exchange.model_file import load_model
 from app.tasks import load
-from app.tasks import worker_api as jobs
 
 if TYPE_CHECKING:  # Whoever lists trials shall not load JAX for them.
     from app.policy.learned.base import LearnedPolicy
@@ -109,8 +109,8 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         actions=trial.actions,
         play_on=trial.play_on,
     )
-    for stage in range(len(jobs.warm_up_stages(trial.task, trial.preset, model, method))):
-        jobs.warm_up_stage(trial.task, trial.preset, stage, model, method)
+    for stage in range(len(worker_api.warm_up_stages(trial.task, trial.preset, model, method))):
+        worker_api.warm_up_stage(trial.task, trial.preset, stage, model, method)
     played = play(order, site=Site())
     return asdict(trial) | {
         "policies": str(trial.policies) if trial.policies and method.policy else None,
@@ -132,7 +132,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 
 @lru_cache
 def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
-    from app.tasks.teaching import learned
+    from app.jobs.teaching import learned
 
     known = load(task)
     return learned(folder / known.problem / kind, known, kind)
@@ -141,11 +141,11 @@ def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
 def _model(trial: Trial, method: Method) -> Model:
     """The calibrated model from its file; without calibration, the simulator's without any demonstration."""
     if not method.calibrated:
-        return jobs.uncalibrated_model(trial.task)
+        return worker_api.uncalibrated_model(trial.task)
     if trial.model is None:
-        return jobs.nominal_model(trial.task)
+        return worker_api.nominal_model(trial.task)
     model = load_model(trial.model, task=trial.task, time_s=0.0)
-    jobs.check_model(model)
+    worker_api.check_model(model)
     return model
 
 

@@ -10,8 +10,8 @@ from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Model, Particles, Proposal
 from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
-from app.tasks.base import EpisodeConfig
-from app.tasks.edited import edited_plan
+from app.jobs.edited import edited_plan
+from app.tasks.elements.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
     from app.planner.search.plan import Plan

@@ -65,7 +65,7 @@ from app.flow.reporting import Reporting
 from app.flow.stop_latch import StopLatch
 from app.flow.stopping import EXHAUSTED, StoppingRule
 from app.flow.wait_until_still import rested
-from app.tasks.base import EpisodeConfig
+from app.tasks.elements.base import EpisodeConfig
 
 _CHORES = 8
 """Bound of waiting requests; some hold pictures, and take seconds each."""

@@ -15,10 +15,10 @@ from app.core.messages import Frame, Goal, Model, fresh_id
 from app.core.ports import Clock
 from app.core.system.worker import Worker
 from app.core.types import Cloud
+from app.jobs.goals import goal_of
+from app.jobs.worker_api import shown_goal
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.tasks.base import EpisodeConfig
-from app.tasks.goals import goal_of
-from app.tasks.worker_api import shown_goal
+from app.tasks.elements.base import EpisodeConfig
 
 _CALLED: Final[Mapping[GoalSource, str]] = {
     "view": "The current view as goal",

@@ -9,7 +9,7 @@ from app.core.errors import DipacError, UsageError
 from app.core.messages import Model, fresh_id
 from app.core.system.worker import Worker
 from app.core.types import Points
-from app.tasks.worker_api import check_model, planner_needs, shown_goal
+from app.jobs.worker_api import check_model, planner_needs, shown_goal
 
 
 @final

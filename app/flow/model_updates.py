@@ -13,8 +13,8 @@ from app.core.system.channel import Latest, Lossless
 from app.core.system.worker import Worker
 from app.core.types import Points
 from app.flow.model_selection import Modelling
-from app.tasks.base import EpisodeConfig
-from app.tasks.worker_api import RECENT, update
+from app.jobs.worker_api import RECENT, update
+from app.tasks.elements.base import EpisodeConfig
 
 
 @final

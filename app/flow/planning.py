@@ -20,8 +20,7 @@ from app.core.types import Centreline, Points, ToolPose
 from app.flow.editing import Editing
 from app.flow.probing import Probing
 from app.flow.suggested_push import Asking
-from app.tasks.base import EpisodeConfig
-from app.tasks.worker_api import (
+from app.jobs.worker_api import (
     RECENT,
     doubt,
     nominal_model,
@@ -31,6 +30,7 @@ from app.tasks.worker_api import (
     warm_up_stage,
     warm_up_stages,
 )
+from app.tasks.elements.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
     from app.planner.search.plan import Plan

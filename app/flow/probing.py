@@ -13,8 +13,8 @@ from app.core.motion import Motion
 from app.core.ports import Clock
 from app.core.system.worker import Worker
 from app.flow.perception_stage import Sensing
-from app.tasks.base import EpisodeConfig, Experiment
-from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
+from app.jobs.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
+from app.tasks.elements.base import EpisodeConfig, Experiment
 
 if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
     from app.discovery.dataset.study import Push

@@ -6,7 +6,7 @@ from app.core.announcer import MessageBus
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Proposal
 from app.core.types import Points
-from app.tasks.base import EpisodeConfig
+from app.tasks.elements.base import EpisodeConfig
 
 _FUTILE_PLANS: Final = 2
 """Plans in a row, each with other random branches, that end a run if they are no better than no motion."""

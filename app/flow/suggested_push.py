@@ -13,8 +13,8 @@ from app.core.motion import Motion
 from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
 from app.flow.probing import Probing
-from app.tasks.base import EpisodeConfig
-from app.tasks.suggested_push import asked_plan
+from app.jobs.suggested_push import asked_plan
+from app.tasks.elements.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
     from app.planner.search.plan import Plan

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.messages import Frame, MessageId, Particles, Sighting, fresh_id
 from app.perception.tool_and_table_points import table_points, tool_points
 from app.recording.read.reader import read_messages
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 
 Tip = Float64[np.ndarray, "3"]
 """Position of the tool's tip by the kinematics [m]."""

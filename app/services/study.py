@@ -17,13 +17,13 @@ from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.jobs.discovery_subject import subject_of
 from app.perception.body.resample_to_count import recounted
 from app.recording.library.recording_index import counted_once
 from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.base import Task
 
 _BETWEEN_S = 10.0
 """Gap from the end of an episode to the start of one whose clock began anew."""

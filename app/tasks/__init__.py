@@ -1,32 +1,17 @@
-"""Tasks, one a file named as the task; and the application's operations on a task: plan, calibrate, warm up."""
+"""Tasks, one a file named as the task."""
 
 import importlib
-import re
+import pkgutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
-from app.tasks.base import Preset, Task
-from app.tasks.worker_api import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks.elements.base import Preset, Task
 
-__all__ = [
-    "Preset",
-    "Task",
-    "add",
-    "calibrate",
-    "load",
-    "named",
-    "names",
-    "nominal_model",
-    "plan",
-    "update",
-    "warm_up_stage",
-    "warm_up_stages",
-]
+__all__ = ["Preset", "Task", "add", "load", "named", "names"]
 
-_DEFINES = re.compile(r"^TASK = ", re.MULTILINE)
 _ADDED: dict[str, Task] = {}
 """Tasks of the program that uses this package, besides the files of the folder."""
 
@@ -46,8 +31,8 @@ def add(task: Task) -> Task:
 
 @cache
 def names() -> list[str]:
-    """The names of all tasks: the files of this folder that define `TASK`, which are read for it and not imported."""
-    return sorted(file.stem for file in Path(__file__).parent.glob("*.py") if _DEFINES.search(file.read_text()))
+    """The names of all tasks: those of the files in this folder, which are not imported for it."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.ispkg)
 
 
 def load(name: str) -> Task:

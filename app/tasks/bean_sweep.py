@@ -14,9 +14,9 @@ from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.box import BoxCollider
-from app.tasks.aim import OnMat
-from app.tasks.base import Preset, Task
-from app.tasks.scatter import BeanProblems
+from app.tasks.elements.aim import OnMat
+from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.scatter import BeanProblems
 
 BEANS = Beans(count=50, length_m=0.016, radius_m=0.005, mass_kg=0.05, colour=(0.62, 0.08, 0.07))
 PADDLE = Paddle(half_m=(0.05, 0.005, 0.02), sweep_height_m=0.0215)

@@ -18,9 +18,9 @@ from app.sim.materials.threads import unstretched
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
 from app.sim.tools.rod import RackCollider
-from app.tasks.aim import Hung
-from app.tasks.base import Preset, Task
-from app.tasks.sheets import ClothProblems
+from app.tasks.elements.aim import Hung
+from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.sheets import ClothProblems
 
 CLOTH = Cloth(size_m=0.25, mass_kg=0.0125, colour=(0.15, 0.35, 0.80))
 GRIPPER = Gripper(half_m=(0.030, 0.006, 0.025), opening_m=0.040, closed_m=0.012)

@@ -9,11 +9,11 @@ from dataclasses import replace
 from app.core.colours import ColourRange
 from app.core.geometry.scene_description import Liquid, Pieces, Soup
 from app.perception.body.floating_pieces import Swimming
-from app.tasks.aim import InBowl
+from app.tasks.elements.aim import InBowl
+from app.tasks.elements.pouring import pouring_scene
+from app.tasks.elements.swimming import SoupProblems
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET
 from app.tasks.pour_water import TASK as POUR_WATER
-from app.tasks.pouring import pouring_scene
-from app.tasks.swimming import SoupProblems
 
 # Drops of the size of the grains that pieces are made of: 4 mm.
 BROTH = Liquid(volume_m3=96e-6, colour=(0.75, 0.18, 0.06), drops=1500)

@@ -17,9 +17,9 @@ from app.planner.search.optimise import OptimizerConfig
 from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
-from app.tasks.aim import InBowl
-from app.tasks.base import Preset, Task
-from app.tasks.pouring import PouringProblems, pouring_scene
+from app.tasks.elements.aim import InBowl
+from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.pouring import PouringProblems, pouring_scene
 
 WATER = Liquid(volume_m3=120e-6, colour=(0.10, 0.35, 0.80))
 HELD = HeldBowl(radius_m=0.055, thickness_m=0.004)

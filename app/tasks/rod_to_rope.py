@@ -18,10 +18,10 @@ from app.sim.model.scene import Body, Scene
 from app.sim.rods.scene import Wall
 from app.sim.tools.box import WallsWithGap
 from app.sim.tools.finger import FingerCollider
-from app.tasks.aim import Beyond
-from app.tasks.base import Lesson, Preset, Task
-from app.tasks.passing import GappedWall, Passing
-from app.tasks.rods import rods_of
+from app.tasks.elements.aim import Beyond
+from app.tasks.elements.base import Lesson, Preset, Task
+from app.tasks.elements.passing import GappedWall, Passing
+from app.tasks.elements.rods import rods_of
 
 ROPE = Rope(length_m=0.24, radius_m=0.008, mass_kg=0.0384, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)

@@ -16,10 +16,10 @@ from app.sim.materials.rope import RopeMaterial
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
-from app.tasks.aim import Near
-from app.tasks.base import Preset, Task
-from app.tasks.curves import RopeProblems
-from app.tasks.rods import rods_of
+from app.tasks.elements.aim import Near
+from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.curves import RopeProblems
+from app.tasks.elements.rods import rods_of
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)

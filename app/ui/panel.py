@@ -17,7 +17,7 @@ from app.ui.parts.plots import Plots
 from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
-from app.ui.tabs import model_monitor_panel as doubt
+from app.ui.tabs import model_monitor_panel
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.checklist import ChecklistForm
 from app.ui.tabs.demonstrations import DemonstrationForm
@@ -57,7 +57,7 @@ class Panel:
             with self._gui.add_folder("Demonstrations", expand_by_default=False):
                 self._demonstrations = DemonstrationForm(self._gui, desk)
         with self._gui.add_folder("Is the model right?"):
-            self._watch = Text(self._gui, doubt.watch(self._last))
+            self._watch = Text(self._gui, model_monitor_panel.watch(self._last))
         with self._gui.add_folder("Health"):
             self._health = Text(self._gui, cards.health(self._last, desk.now()))
         self._place_main()
@@ -80,8 +80,8 @@ class Panel:
             self._placing.paint(board)
         self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
         self._plans.paint(board)
-        self._watch.put(doubt.watch(board))
-        self._verdict.put(doubt.verdict(board))
+        self._watch.put(model_monitor_panel.watch(board))
+        self._verdict.put(model_monitor_panel.verdict(board))
         self._health.put(cards.health(board, now_s))
         self._episode.put(cards.episode(board))
         self._plots.paint(board)
@@ -123,7 +123,7 @@ class Panel:
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
             if commands:
                 ProbeForm(self._gui, desk)
-            self._verdict = Text(self._gui, doubt.verdict(self._last))
+            self._verdict = Text(self._gui, model_monitor_panel.verdict(self._last))
         with side.add_tab("View", viser.Icon.EYE):
             self._gui.add_html(cards.key())
             self._add_switches()

@@ -41,7 +41,7 @@ from app.recording.library.session_recorder import open_studio
 from app.recording.write.preflight import Room
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
-from app.tasks.base import EpisodeConfig, Preset
+from app.tasks.elements.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from app.teleop import Pilot
 from bench.faults.broken import FaultyClock, FaultyRig, Shows

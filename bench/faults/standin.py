@@ -1,6 +1,6 @@
 """Stand-ins for the solvers, so that nothing compiles: a planner of strokes, and faults of its results.
 
-The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.worker_api`). A
+The workers themselves are the real ones, and so are the functions that they are asked for (`app.jobs.worker_api`). A
 task's compiled functions, and perception's results, belong to each process: there they are replaced by these.
 """
 
@@ -33,7 +33,7 @@ _TOO_MANY: Final = 1_000_000
 def stand_in(plans: Plans = "sound") -> None:
     """Plan, from now on and in this process, corrupted strokes as fast as the site allows, and calibrate by waiting."""
     take_up(Habits(thinking_s=_THINKING_S), partial(_fast, _SPOILT[plans]))
-    compiled = cast(Any, sys.modules["app.tasks.jit_cache"])
+    compiled = cast(Any, sys.modules["app.jobs.jit_cache"])
     compiled.calibrated, compiled.now = _calibrated, None
 
 
@@ -79,10 +79,10 @@ def _calibrated(_task: str, _preset: str, transitions: Sequence[Transition], mod
 
 def spoil_particles(finds: Finds) -> None:
     """Replace perception's results by such particles from now on. To be run in perception's process."""
-    from app.perception import reconstruct as module
+    from app.perception import reconstruct
 
-    true = getattr(module, "true_reconstruct", module.reconstruct)
-    found = cast(Any, module)
+    true = getattr(reconstruct, "true_reconstruct", reconstruct.reconstruct)
+    found = cast(Any, reconstruct)
     found.true_reconstruct = true
     found.reconstruct = true if finds == "true" else partial(_spoilt, true, finds)
 

@@ -31,10 +31,10 @@ from app.discovery.inference.screen import CandidateCause, Screening, refit, scr
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.results.case import CauseResult
 from app.discovery.results.verdict import estimate_of
+from app.jobs.discovery_subject import subject_of
 from app.report.drawing.size import size
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 
 TITLES: Final = {"all_at_once": "all parameters at once", "bic": "BIC of single causes"}
 _MISSING: Final = 0.5

@@ -36,10 +36,10 @@ from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.effect_sampling import known
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Chosen, kinds, outsiders
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.ropes import RopeCase

@@ -8,9 +8,9 @@ import numpy as np
 
 from app.commands._named import Dynamics
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, catalogue
+from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import known
 from app.tasks import load, named
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.outside import OUTSIDE
 
 World: TypeAlias = Literal["own", "mujoco"]

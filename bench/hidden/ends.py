@@ -20,15 +20,15 @@ from jaxtyping import Float64
 from app.core.geometry.orientation import UNKNOWN
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.types import Centreline, Points
+from app.jobs import jit_cache
+from app.jobs.rope_orientation import oriented_phi
+from app.jobs.worker_api import nominal_model, track_orientation
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, known, mistuned
 from app.rig.simulated.push_session import PushSample, PushSession
 from app.rig.simulated.worlds.rope import resample
 from app.sim.model.params import PARAMETERS, with_orientation
-from app.tasks import jit_cache as compiled
 from app.tasks import load
-from app.tasks.rope_orientation import oriented_phi
-from app.tasks.worker_api import nominal_model, track_orientation
 from bench.hidden.ropes import view_of
 
 TASK: Final = "rope_push@rods"
@@ -71,10 +71,10 @@ def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterat
         after = view_of(task, session.look() if number + 1 < pushes else take.after, rng).points
         line, truth = _nodes(before, orientation.line), _true(take.before.snapshot.nodes)
         first = 1.0 if np.linalg.norm(line - truth) < np.linalg.norm(line[:, ::-1] - truth) else -1.0
-        phi = compiled.phi_of(model)
+        phi = jit_cache.phi_of(model)
         told = oriented_phi(model, before, orientation, line)
         tried = [
-            compiled.phi_of(nominal),
+            jit_cache.phi_of(nominal),
             with_orientation(phi, 0.0),
             told,
             with_orientation(phi, first),
@@ -126,7 +126,7 @@ def _predicted(
     task, count = load(TASK), len(phis)
     path = task.actions.measured_path(made.executed.tool)
     state = task.begin(jnp.tile(jnp.asarray(before), (count, 1, 1)), jnp.asarray(line))
-    simulate = compiled.carried(TASK, len(before), *compiled.needs(TASK, compiled.phi_of(model)))
+    simulate = jit_cache.carried(TASK, len(before), *jit_cache.needs(TASK, jit_cache.phi_of(model)))
     return np.asarray(simulate(jnp.asarray(phis), state, jnp.tile(jnp.asarray(path), (count, 1, 1))).centreline)
 
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import UsageError
 from app.core.geometry.track import Track
-from app.discovery import sensor_actuator_errors as apparatus
+from app.discovery import sensor_actuator_errors
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, See, Values
@@ -29,7 +29,7 @@ _LOW_M: Final = 0.004
 
 def effect_of(name: str) -> Apparatus:
     """The effect of cameras or arm of that name."""
-    return import_module(f"{apparatus.__name__}.{name}").EFFECT
+    return import_module(f"{sensor_actuator_errors.__name__}.{name}").EFFECT
 
 
 def with_error(study: Study, name: str, values: Values) -> Study:

@@ -17,9 +17,9 @@ from app.discovery.inference.refine import refine, started
 from app.discovery.inference.screen import refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.results.gain import gained
+from app.jobs.discovery_subject import subject_of
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 
 
 def main() -> None:

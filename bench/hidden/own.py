@@ -16,12 +16,12 @@ from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta, catalogue
 from app.discovery.residuals.predict import Predictor
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.effect_sampling import MISTUNED
 from app.sim.parameter import ParameterSpec
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.curves import fill_tube
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.recorded import write
 from bench.own_world import DENSER, OwnWorld, finer

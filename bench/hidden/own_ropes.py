@@ -24,6 +24,7 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
 from app.discovery.sensor_actuator_errors.base import Eye
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.push_session import laid
 from app.rig.simulated.worlds.physics import Centreline
@@ -36,8 +37,7 @@ from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, inextensible
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.base import Task
 from bench.hidden.draws import Chosen
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.own import Order, World, world_of

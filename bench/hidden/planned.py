@@ -30,18 +30,19 @@ from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.sensor_actuator_errors.base import Eye
+from app.jobs import jit_cache
+from app.jobs.apparatus_compensation import correction
+from app.jobs.discovery_subject import subject_of
+from app.jobs.extended import estimated, extended_model
+from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
 from app.policy.base import AWAY
 from app.recording.exchange.model_file import load_model
 from app.sim.model.params import acting
-from app.tasks import jit_cache as compiled
-from app.tasks import load, nominal_model
-from app.tasks.apparatus_compensation import correction
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
-from app.tasks.extended import estimated, extended_model
+from app.tasks import load
+from app.tasks.elements.curves import fill_tube
 from bench.hidden.own import read_orders, world_of
 from bench.own_world import CAMERA_M, finer
 
@@ -93,12 +94,12 @@ class Bench:
 
 def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:
     """One push by this model, of a smaller search than the task's presets, one push deep."""
-    task, phi = load(_TASK), compiled.phi_of(model)
+    task, phi = load(_TASK), jit_cache.phi_of(model)
     search = TreeConfig(
         space=task.actions,
         policy=task.policy,
         weights=task.weights,
-        advance=compiled.carried(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
+        advance=jit_cache.carried(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
         branches=_BRANCHES,
         depth=1,
     )

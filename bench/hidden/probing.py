@@ -30,11 +30,11 @@ from app.discovery.dataset.study import Push, Study
 from app.discovery.experiments.probe import Belief, is_named
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
+from app.jobs.discovery_subject import subject_of
+from app.jobs.probed import belief, next_probe
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.effect_sampling import known
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
-from app.tasks.probed import belief, next_probe
 from bench.hidden.draws import Chosen
 from bench.hidden.ropes import RopeCase, bare_table, push_of, view_of
 

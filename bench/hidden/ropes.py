@@ -24,8 +24,8 @@ from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.curves import fill_tube
+from app.tasks.elements.base import Task
+from app.tasks.elements.curves import fill_tube
 from bench.hidden.draws import Chosen, real_size
 from bench.hidden.sizes import drawn_task
 

@@ -15,9 +15,9 @@ from app.discovery.results.case import Estimate, Name
 from app.discovery.results.verdict import estimates_of, verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
+from app.jobs.discovery_subject import doubted_in
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.discovery_subject import doubted_in
 
 _NOT_LOOKED_FOR: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
 """Forces of no cause, which take as long as all the rest."""

@@ -10,16 +10,17 @@ from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Evidence, ModelScorer, gather
 from app.calibration.fit import FitSettings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.policy.base import AWAY
 from app.sim.model.params import PARAMETERS, index
-from app.tasks import jit_cache as compiled
-from app.tasks import load, nominal_model
-from app.tasks.curves import fill_tube
+from app.tasks import load
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 SPACE = replace(TASK.actions, push_substeps=120, rest_substeps=8)
 PARTICLES = 80
-PREDICTOR = ModelScorer(advance=compiled.advance("rope_push", PARTICLES), chunk=4)
+PREDICTOR = ModelScorer(advance=jit_cache.advance("rope_push", PARTICLES), chunk=4)
 TRUTH = phi_of(nominal_model("rope_push"))
 FRICTION = (PARAMETERS[index("table_friction")],)
 

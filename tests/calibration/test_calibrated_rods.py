@@ -12,11 +12,10 @@ from app.calibration.fit import Fit, FitSettings
 from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
+from app.jobs import jit_cache
+from app.jobs.jit_cache import Calibrated, calibrated, calibrated_from_recordings, phi_of
+from app.jobs.worker_api import check_model, ends_of_ranges, nominal_model, planner_needs, update
 from app.sim.model.params import index
-from app.tasks import jit_cache as compiled
-from app.tasks import nominal_model
-from app.tasks.jit_cache import Calibrated, calibrated, calibrated_from_recordings, phi_of
-from app.tasks.worker_api import check_model, ends_of_ranges, planner_needs, update
 from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
 
 STIFFEST_PA = next(spec.high for spec in TASK.parameters() if spec.name == "stiffness")
@@ -46,7 +45,7 @@ def test_the_offset_of_the_tool_is_found_to_a_millimetre() -> None:
 
 
 def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
-    calibrator = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name)))
+    calibrator = jit_cache.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name)))
     phi, h = phi_of(nominal_model(TASK.name)), 3e-4
 
     def mean_loss(*shift: float) -> float:
@@ -59,7 +58,7 @@ def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
 
 def test_a_rope_begins_outside_of_compiled_code_as_within() -> None:
     before = hidden().evidence.before
-    outside, within = compiled.begun(TASK.name)(before), TASK.begin(jnp.asarray(before))
+    outside, within = jit_cache.begun(TASK.name)(before), TASK.begin(jnp.asarray(before))
     for mine, its in zip(outside, within, strict=True):
         np.testing.assert_allclose(mine, its, atol=1e-6)
 
@@ -123,7 +122,7 @@ def test_a_rope_much_stiffer_than_nominal_ropes_is_found_by_a_simulator_that_bea
     right = phi_of(found)
     right[:2] = STIFF.stiffness, STIFF.table_friction
     right[index("finger_friction")] = STIFF.finger_friction
-    predictor = compiled.calibrator(TASK.name, "cpu", FitSettings(), right).predictor
+    predictor = jit_cache.calibrator(TASK.name, "cpu", FitSettings(), right).predictor
     losses = predictor.losses(right, gather(stiff_transitions(), TASK.actions.measured_path))
     assert found.loss_m2 < 1.1 * losses.mean()
 
@@ -193,7 +192,7 @@ def test_an_estimate_at_the_end_of_its_range_is_said_to_be_one() -> None:
 
 
 def _shift_m(truth: Truth) -> np.ndarray:
-    offset = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
+    offset = jit_cache.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
     assert offset is not None
     return np.float32([*(offset.matrix @ [truth.tcp_x, truth.tcp_y]), 0.0])
 

@@ -7,9 +7,10 @@ import pytest
 
 from app.commands.calibrate import calibrate
 from app.core.errors import UsageError
+from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import index
-from app.tasks import load, nominal_model
+from app.tasks import load
 from tests.commands.test_train import demonstration
 
 

@@ -13,9 +13,9 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import UsageError
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
+from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import save_model
-from app.tasks import nominal_model
 from tests.models import model_with
 
 POLICY = ["--task", "rope_push", "--planner", "dipac", "--ablation", "no_planning", "--preset", "cpu"]
@@ -120,7 +120,7 @@ def test_a_given_model_is_of_the_task_and_no_other_than_the_results_are_of(
 
 
 def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with ledger.held(folder):
+    with results_log.held(folder):
         assert main(["evaluate", *SHORT, "-o", str(folder)]) == UsageError.exit_code
     assert "Another evaluation writes to" in capsys.readouterr().err.replace("\n", " ")
     assert not (folder / "episodes.jsonl").exists()

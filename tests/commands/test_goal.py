@@ -8,7 +8,7 @@ import pytest
 from app.commands._goal import read_goal
 from app.config import Workspace
 from app.core.errors import UsageError
-from app.tasks.goals import goal_of
+from app.jobs.goals import goal_of
 
 COUNT = 50
 

@@ -16,11 +16,11 @@ from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.task_name import TaskName
 from app.discovery.checks.limits import limits_of
+from app.jobs.discovery_subject import subject_of
 from app.recording.exchange.npz_import import read_plain
 from app.recording.read.reader import read_transitions
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.cells.test_cell_file import GOOD, written
 from tests.plain_data import EPISODES, OPTIONAL, POINTS, PUSHES, plain_arrays, saved
 

@@ -20,9 +20,9 @@ from app.discovery.residuals.displacement_field import Basis, registered
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import Step
 from app.discovery.results.verdict import estimates_of
+from app.jobs.discovery_subject import subject_of
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 from tests.measured_data import Place, measured_arrays, recorded, said
 from tests.plain_data import saved

@@ -6,8 +6,8 @@ import pytest
 
 from app.commands._named import full_name, read_sizes
 from app.core.errors import UsageError
+from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import load_model, save_model
-from app.tasks.worker_api import nominal_model
 
 ROPE = "length_m = 0.3\nradius_m = 0.006\n"
 

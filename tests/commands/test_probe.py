@@ -15,11 +15,11 @@ from app.commands.probe import probe
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.discovery.experiments.probe_pushes import Probe
+from app.jobs.probed import refusal
 from app.policy.random_pushes import PushDesign, random_track
 from app.report.schema import PushesFile, VerdictFile
 from app.services.study import read_study
 from app.tasks import load
-from app.tasks.probed import refusal
 from tests.planner.table import rope
 
 ROOT = Path(__file__).parents[2]

@@ -7,11 +7,11 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import ParameterError, RecordingError, UsageError
+from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import save_model
 from app.sim.diagnosis.dump import Dump, save_dump
 from app.sim.diagnosis.failure_diagnosis import dissect, single
 from app.sim.diagnosis.rod_failure_diagnosis import dissect_rod
-from app.tasks import nominal_model
 from tests.sim.broken import SETUP, flung, problem
 from tests.sim.broken_rods import too_stiff
 from tests.ui.film import film

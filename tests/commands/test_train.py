@@ -11,15 +11,15 @@ from app.__main__ import main
 from app.core.errors import UsageError
 from app.core.messages import Episode, Executed, Goal, MessageId, Transition, fresh_id
 from app.core.motion import pointing_down
-from app.evaluation import results_log as ledger
+from app.evaluation import results_log
 from app.evaluation.trial import Trial, playable, run_trial
+from app.jobs.teaching import lessons
 from app.planner.method import PAPER
 from app.policy.learned.file import CHECKPOINT, FILE, load_policy
 from app.recording.format.clock_offset import Epoch
 from app.recording.library.demonstrations import read_taught
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
-from app.tasks.teaching import lessons
 
 TASK = load("rope_push")
 COUNT = TASK.preset("cpu").particle_count
@@ -151,7 +151,7 @@ def test_a_learned_policy_plays_alone_and_guides_the_tree(
     short = ["--dynamics", "mpm", "--preset", "cpu", "--eyes", "truth", "--actions", "1", "--seeds", "1"]
     again = ["evaluate", "--task", "rope_push", "--planner", "bc", *short, *where]
     for digest, code in ((row["policy_digest"], 0), ("of another training", 2)):
-        ledger.append(
+        results_log.append(
             tmp_path / "results" / "episodes.jsonl", {"key": trial("bc").key} | row | {"policy_digest": digest}
         )
         assert main(again) == code

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.core.system import gc_control as collector
+from app.core.system import gc_control
 from app.core.system.gc_control import paused_collection, spared_collection
 
 
@@ -25,7 +25,7 @@ def collected(knot: Knot) -> bool:
 @pytest.fixture(autouse=True)
 def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Collector state of a process in which nothing is spared yet, unlike the one that runs the tests."""
-    monkeypatch.setattr(collector, "_open", list[None]())
+    monkeypatch.setattr(gc_control, "_open", list[None]())
     gc.unfreeze()
     yield
     gc.freeze()

@@ -13,8 +13,8 @@ from app.discovery.inference.screen import Screening, screened
 from app.discovery.residuals.forces import force_steps, with_formula
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, steps_of
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.test_inference import BLOCKS, K, R
 
 SUBJECT = subject_of(load("rope_push@rods"))

@@ -13,10 +13,10 @@ from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, secant_of, steps_of
 from app.discovery.sensor_actuator_errors.base import Eye, Load
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 SUBJECT, CATALOGUE = subject_of(TASK), catalogue()

@@ -11,8 +11,8 @@ from app.discovery.inference.screen import steps_of
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import residuals
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.ropes import RopeCase
 from tests.discovery.test_inference import PRIOR, K, P, made, weighed
 

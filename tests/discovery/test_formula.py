@@ -14,14 +14,14 @@ from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.verdict import verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce, opened
+from app.jobs.discovery_subject import subject_of
+from app.jobs.extended import estimated, extended_model
+from app.jobs.jit_cache import phi_of
+from app.jobs.worker_api import check_model
 from app.policy.random_pushes import PushDesign
 from app.sim.model.params import acting
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
-from app.tasks.extended import estimated, extended_model
-from app.tasks.jit_cache import phi_of
-from app.tasks.worker_api import check_model
+from app.tasks.elements.curves import fill_tube
 from bench.own_world import DENSER, OwnWorld, finer
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]

@@ -7,8 +7,8 @@ from app.discovery.residuals.forces import FORMULA, with_formula
 from app.discovery.results.case import Formula
 from app.discovery.results.formula_text import formula_of
 from app.discovery.unexplained.formula import AcceptedFormula
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 
 SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()

@@ -9,10 +9,10 @@ from app.discovery.checks.frames import frame_tests
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import SimulationBatch, prepare
 from app.discovery.results.case import FrameTest
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign, random_track
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 SUBJECT = subject_of(TASK)

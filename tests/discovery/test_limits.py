@@ -11,10 +11,10 @@ from app.core.geometry.track import Track
 from app.discovery.checks.limits import limits_of
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.results.case import Limit
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign, midway_s, random_track
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 SUBJECT = subject_of(TASK)

@@ -9,8 +9,8 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.localize import KEPT, lattice, log_bayes_of_each
 from app.discovery.inference.screen import refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from tests.discovery.test_inference import PRIOR, P, made

@@ -10,9 +10,9 @@ from app.core.measured_setup import FoundTable
 from app.discovery.checks.placement import centred, moved_back, reach_m
 from app.discovery.dataset.model_under_test import REACH_M, setup_of
 from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.jobs.discovery_subject import subject_of
 from app.report import show_case, write_report
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.test_limits import GOOD, SUBJECT, each
 from tests.ui.report.cases import a_set
 

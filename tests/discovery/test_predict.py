@@ -5,7 +5,7 @@ import numpy as np
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.model_under_test import RodModel
 from app.sim.rods.scene import RodScene
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 ROPE = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 

@@ -36,11 +36,11 @@ from app.discovery.experiments.probe_pushes import (
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step
+from app.jobs.discovery_subject import subject_of
+from app.jobs.probed import probe_motion, refusal, scene
 from app.policy.random_pushes import REGION, PushDesign, Stroke, stroke_through
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
-from app.tasks.probed import probe_motion, refusal, scene
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push@rods")
 SUBJECT = subject_of(TASK)

@@ -11,10 +11,10 @@ from app.discovery.inference.decide import NAMED, held_out, probabilities_of
 from app.discovery.inference.refine import refine, started
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
+from app.tasks.elements.curves import fill_tube
 from bench.own_world import DENSER, OwnWorld, finer
 
 # Slopes, projection and evidence are tested apart; here all of it is, on simulated pushes that are made for it.

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from app.core.geometry.track import Track
-from app.discovery import sensor_actuator_errors as apparatus
+from app.discovery import sensor_actuator_errors
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load
 from app.sim.files import files_of
 from app.sim.model.params import PARAMETERS
 
-CATALOGUE = {name: module.EFFECT for name, module in files_of(apparatus)}
-MODULES = dict(files_of(apparatus))
+CATALOGUE = {name: module.EFFECT for name, module in files_of(sensor_actuator_errors)}
+MODULES = dict(files_of(sensor_actuator_errors))
 every_effect = pytest.mark.parametrize("name", CATALOGUE)
 EYE = Eye(position=np.array([0.5, -0.2, 0.9]), middle=None)
 

@@ -10,8 +10,8 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.decide import is_sized
 from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.rows import Residuals
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 from tests.discovery.test_steppers import trials
 

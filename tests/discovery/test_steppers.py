@@ -12,9 +12,9 @@ from app.discovery.residuals.displacement_field import MODES, Basis, registered
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import STARTS, residuals
 from app.discovery.residuals.steppers import material_coordinates
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.ropes import RopeCase
 
 CASE = RopeCase(seed=3, plan=PushDesign(episodes=2, pushes=1))

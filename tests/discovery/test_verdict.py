@@ -12,8 +12,8 @@ from app.discovery.results.case import CauseResult, Limit
 from app.discovery.results.verdict import estimates_of, sentences_of, verdict_of
 from app.discovery.unexplained.formula import AcceptedFormula, UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.discovery.exact import exact_model
 
 SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()

@@ -31,7 +31,7 @@ from app.core.messages import (
 )
 from app.core.system.channel import Lossless
 from app.flow import Flow
-from app.tasks.base import EpisodeConfig, Preset
+from app.tasks.elements.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from tests.flow.planner import Habits, planner_here, restored, take_up
 from tests.flow.rig import Place, SmallRig

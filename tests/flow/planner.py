@@ -1,6 +1,6 @@
 """Planner for the tests of the flow: its process draws strokes over the free part of the table, at once.
 
-The jobs of `app.tasks.worker_api` are those of the program; only what a task compiles is replaced in this process.
+The jobs of `app.jobs.worker_api` are those of the program; only what a task compiles is replaced in this process.
 Nothing here loads JAX or the simulator, so that a run starts in a second.
 """
 
@@ -26,9 +26,9 @@ from app.core.messages import Branch, Model
 from app.core.motion import Motion
 from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
+from app.jobs.worker_api import plan, warm_up_stage
 from app.planner.method import Method
 from app.planner.search.request import PlanRequest
-from app.tasks.worker_api import plan, warm_up_stage
 from tests.flow.virtual import InsideWorker, is_virtual
 
 if TYPE_CHECKING:

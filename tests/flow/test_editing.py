@@ -10,8 +10,9 @@ from app.core.dialogue.requests import EditRequest
 from app.core.dialogue.summary import Summary
 from app.core.messages import Goal, Notice, fresh_id
 from app.flow.editing import Editing
-from app.tasks import load, nominal_model
-from app.tasks.base import EpisodeConfig
+from app.jobs.worker_api import nominal_model
+from app.tasks import load
+from app.tasks.elements.base import EpisodeConfig
 from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.test_model_monitor import Shown
 from tests.flow.virtual import InsideWorker

@@ -12,8 +12,8 @@ from app.core.dialogue.control import Mode
 from app.core.dialogue.model_monitor_messages import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError
 from app.core.messages import ArmState, Executed, Fault, Notice, Outcome, Proposal, ResumeRequest, Transition
-from app.tasks.aim import Near
-from app.tasks.curves import fill_tube
+from app.tasks.elements.aim import Near
+from app.tasks.elements.curves import fill_tube
 from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
 from tests.flow.rig import SmallRig

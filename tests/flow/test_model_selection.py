@@ -11,7 +11,7 @@ from app.core.dialogue.requests import ModelRequest, Request
 from app.core.dialogue.summary import Summary
 from app.core.messages import Extension, Message, Model, Notice, Parameter, fresh_id
 from app.flow.model_selection import Modelling, Taken
-from app.tasks.jit_cache import nominal_model
+from app.jobs.jit_cache import nominal_model
 from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.virtual import InsideWorker
 

@@ -15,11 +15,12 @@ from app.core.motion import Motion
 from app.flow.perception_stage import Sensing
 from app.flow.probing import Probing
 from app.flow.suggested_push import Asking
+from app.jobs.worker_api import nominal_model
 from app.rig.simulated.push_session import push_again
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import resample
-from app.tasks import load, nominal_model
-from app.tasks.base import EpisodeConfig, Experiment
+from app.tasks import load
+from app.tasks.elements.base import EpisodeConfig, Experiment
 from tests.flow.cell import LoopClock, MemoryLog, small_site
 from tests.flow.rig import SmallRig
 from tests.flow.test_model_monitor import Shown

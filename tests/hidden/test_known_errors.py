@@ -10,8 +10,8 @@ from app.discovery.dataset.model_under_test import Catalogue, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.sensor_actuator_errors.base import Eye, Load
+from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.tasks.discovery_subject import subject_of
 from bench.half_real import described, orders, outcome_of, summary
 from bench.hidden.known_errors import UNDONE, effect_of, with_error
 from bench.hidden.ropes import RopeCase

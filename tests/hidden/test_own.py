@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from bench.hidden.draws import Making, kinds, outsiders
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.own import Order, World, world_of

@@ -13,7 +13,7 @@ from app.config import Workspace
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, fresh_id
 from app.core.system.shared_libraries import load_open3d
-from app.tasks.curves import random_curve
+from app.tasks.elements.curves import random_curve
 from bench.tube import Tube
 
 RADIUS_M = 0.008

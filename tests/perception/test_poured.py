@@ -14,7 +14,7 @@ from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.world import Nodes, Snapshot
 from app.tasks import Task, load
-from app.tasks.pouring import pool_points
+from app.tasks.elements.pouring import pool_points
 
 pouring = pytest.mark.parametrize("task", [load("pour_water"), load("pour_soup")], ids=lambda task: task.name)
 AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))

@@ -7,17 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from app.core.types import Points
+from app.jobs import jit_cache
 from app.planner.search.plan import TreePlanner
 from app.planner.search.tree import TreeConfig
 from app.policy.base import AWAY, PlanningState
-from app.tasks import jit_cache as compiled
 from app.tasks import load
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 PARTICLES = 80
 TASK = load("rope_push")
 SPACE = replace(TASK.actions, push_substeps=120, rest_substeps=8)
-PHI = compiled.phi_of(compiled.nominal_model("rope_push"))
+PHI = jit_cache.phi_of(jit_cache.nominal_model("rope_push"))
 
 
 def rope(offset_m: float = 0.0, turn_rad: float = 0.0) -> Points:
@@ -33,7 +33,7 @@ def search(branches: int = 4, depth: int = 2) -> TreeConfig:
         space=SPACE,
         policy=TASK.policy,
         weights=TASK.weights,
-        advance=compiled.carried("rope_push", PARTICLES),
+        advance=jit_cache.carried("rope_push", PARTICLES),
         branches=branches,
         depth=depth,
     )

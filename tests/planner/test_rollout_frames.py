@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.config import Site
+from app.jobs import jit_cache
 from app.planner.search.cem import CemPlanner, Refit
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thinned
 from app.planner.search.tree import TreeConfig
-from app.tasks import jit_cache as compiled
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
 
 ASKED = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)
@@ -19,7 +19,7 @@ ROUNDED_M = 1e-6
 
 
 def filmed(**changes: int) -> TreeConfig:
-    return replace(search(**changes), part=compiled.moving("rope_push", PARTICLES))
+    return replace(search(**changes), part=jit_cache.moving("rope_push", PARTICLES))
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from app.core.errors import RecordingError, UsageError
+from app.jobs.jit_cache import nominal_model
+from app.jobs.teaching import lessons, simulator
 from app.planner.search.tree import first_action
 from app.policy.base import PlanningState
 from app.policy.learned import kinds
@@ -20,8 +22,6 @@ from app.policy.learned.train import Progress, TrainingSettings, begin, learn
 from app.policy.symmetry import Symmetry
 from app.sim.state import State
 from app.tasks import load
-from app.tasks.jit_cache import nominal_model
-from app.tasks.teaching import lessons, simulator
 from tests.programs import program
 
 TASK = load("rope_push")

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
+from app.jobs.jit_cache import nominal_model
+from app.jobs.teaching import lessons, simulator
 from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Lessons, Scale
@@ -17,8 +19,6 @@ from app.policy.learned.kinds.act import Act
 from app.policy.learned.train import TrainingSettings, begin
 from app.policy.symmetry import Isometry
 from app.tasks import load, names
-from app.tasks.jit_cache import nominal_model
-from app.tasks.teaching import lessons, simulator
 
 COUNT = 60
 STROKES = ("bean_sweep", "rod_to_rope", "rope_push")

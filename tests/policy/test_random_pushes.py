@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.track import Track
 from app.policy.random_pushes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 TASK, HEIGHT_M = load("rope_push"), 0.006
 X = fill_tube(TASK.start(3), TASK.rope.radius_m, 300)

@@ -10,7 +10,7 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.policy.base import AWAY, PlanningState
 from app.tasks import load
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rope_push")
 POLICY, SPACE = TASK.policy, TASK.actions

@@ -10,7 +10,7 @@ from app.evaluation.demonstrate import demonstrations
 from app.policy.base import PlanningState
 from app.policy.scripted_gap import fitted
 from app.tasks import load
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 
 TASK = load("rod_to_rope")
 POLICY, SPACE = TASK.policy, TASK.actions

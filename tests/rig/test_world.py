@@ -14,7 +14,7 @@ from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import load
-from app.tasks.curves import random_curve
+from app.tasks.elements.curves import random_curve
 from tests.rig.hidden.moments import injected
 from tests.rig.hidden.moments import world as hiding_world
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from app.config import Workspace
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.tasks.curves import fill_tube, random_curve
+from app.tasks.elements.curves import fill_tube, random_curve
 
 
 def rope(seed: int, count: int = 300) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import pytest
 
 from app.core.errors import MemoryPlanError
-from app.sim.runtime import memory_estimate as budget
+from app.sim.runtime import memory_estimate
 from app.sim.runtime.memory_estimate import available, largest
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
@@ -24,7 +24,7 @@ def arguments(candidates: int, steps: int) -> tuple[jax.ShapeDtypeStruct, State,
 
 
 def test_what_does_not_fit_is_refused_with_the_largest_number_that_would(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(budget, "available", lambda _device: 64 * 2**20)
+    monkeypatch.setattr(memory_estimate, "available", lambda _device: 64 * 2**20)
     gradient = jax.jit(jax.grad(lambda *given: SIMULATE(*given).x.sum()))
     with pytest.raises(MemoryPlanError, match="would fit") as refused:
         gradient.lower(*arguments(100, 200))
@@ -36,7 +36,7 @@ def test_what_does_not_fit_is_refused_with_the_largest_number_that_would(monkeyp
 
 
 def test_a_rollout_without_a_gradient_keeps_no_history(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(budget, "available", lambda _device: 64 * 2**20)
+    monkeypatch.setattr(memory_estimate, "available", lambda _device: 64 * 2**20)
     jax.jit(SIMULATE).lower(*arguments(100, 200))
     with pytest.raises(MemoryPlanError):
         jax.jit(jax.grad(lambda *given: SIMULATE(*given).x.sum())).lower(*arguments(100, 200))

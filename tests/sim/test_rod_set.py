@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.state import RodState, bends
-from app.tasks import jit_cache as compiled
-from app.tasks import nominal_model
 from tests.sim import pushed_ropes
 from tests.sim.pushed_ropes import SCENE, assert_agree, central, crossing, headed, lying, straight
 
@@ -194,7 +194,7 @@ def test_a_mirror_image_moves_like_a_mirror_image_and_either_end_may_be_the_firs
 
 
 def test_material_points_refuse_a_model_that_says_it():
-    phi = compiled.phi_of(nominal_model("rope_push@rods"))
-    phi[compiled.index("permanent_set")] = 0.5
+    phi = jit_cache.phi_of(nominal_model("rope_push@rods"))
+    phi[jit_cache.index("permanent_set")] = 0.5
     with pytest.raises(ParameterError, match="do not know permanent_set"):
-        compiled.search("rope_push", "cpu", phi)
+        jit_cache.search("rope_push", "cpu", phi)

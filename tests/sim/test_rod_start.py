@@ -16,7 +16,7 @@ from app.sim.rods.geometry.centreline import RopeShape, traced
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
 from app.sim.rods.geometry.verdict import crossing, judged
 from app.sim.rods.state import RodState
-from app.tasks.curves import fill_tube, random_curve
+from app.tasks.elements.curves import fill_tube, random_curve
 
 ROPE = RopeShape(count=41, rest_m=0.010, radius_m=0.008)
 R = ROPE.radius_m

@@ -12,7 +12,7 @@ from app.core.errors import ParameterError
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, bends, inextensible
-from app.tasks.curves import fill_tube
+from app.tasks.elements.curves import fill_tube
 from tests.sim import pushed_ropes
 from tests.sim.pushed_ropes import REACH_M, SCENE, assert_agree, central, crossing, curve, line_of, lying, straight
 

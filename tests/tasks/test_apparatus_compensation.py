@@ -10,9 +10,9 @@ from app.core.messages import Executed, Extension, Model, Parameter, Transition,
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points
 from app.discovery.sensor_actuator_errors.base import Load
+from app.jobs.apparatus_compensation import Correction, correction
+from app.jobs.worker_api import nominal_model
 from app.policy.base import AWAY
-from app.tasks import nominal_model
-from app.tasks.apparatus_compensation import Correction, correction
 from tests.planner.table import SPACE, rope
 
 SITE = Site()

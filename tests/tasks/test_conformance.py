@@ -9,14 +9,15 @@ import pytest
 
 from app.config import Site
 from app.core.geometry.chamfer import chamfer_m2
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.perception.reconstruct import reconstruct
 from app.planner.search.tree import first_action
 from app.policy.base import AWAY, PlanningState
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
-from app.tasks import Task, load, names, nominal_model
-from app.tasks import jit_cache as compiled
+from app.tasks import Task, load, names
 from tests.programs import program
 
 TASKS = names()
@@ -150,8 +151,8 @@ def test_the_simulator_lets_an_action_that_touches_nothing_change_little(name: s
     x = truth(name, count)
     standing = np.repeat(cell.tool[None], 50, axis=0)
     path = task.actions.measured_path(standing)
-    phi = jnp.asarray(compiled.phi_of(nominal_model(name)))[None]
-    after = np.asarray(compiled.advance(name, count)(phi, jnp.asarray(x)[None], jnp.asarray(path)[None]))[0]
+    phi = jnp.asarray(jit_cache.phi_of(nominal_model(name)))[None]
+    after = np.asarray(jit_cache.advance(name, count)(phi, jnp.asarray(x)[None], jnp.asarray(path)[None]))[0]
     assert np.isfinite(after).all()
     assert np.sqrt(chamfer_m2(after, x) / 2) < SEEN_M
 

@@ -5,7 +5,7 @@ import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.tasks import load
-from app.tasks.curves import CurveSampler, RopeProblems, fill_tube
+from app.tasks.elements.curves import CurveSampler, RopeProblems, fill_tube
 
 TASK = load("rope_push")
 assert isinstance(TASK.problems, RopeProblems)

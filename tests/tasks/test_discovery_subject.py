@@ -8,9 +8,9 @@ import pytest
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.predict import Predictor, prepare
+from app.jobs.discovery_subject import doubted_in, subject_of
 from app.policy.random_pushes import PushDesign
 from app.sim.model.params import index
-from app.tasks.discovery_subject import doubted_in, subject_of
 from bench.hidden.ropes import RopeCase
 
 CASE = RopeCase(seed=7001, plan=PushDesign(episodes=2, pushes=3))

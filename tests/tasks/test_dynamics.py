@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
+from app.jobs import jit_cache
+from app.jobs.worker_api import doubt, nominal_model, plan
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.sim.model.params import acting, index
-from app.tasks import jit_cache as compiled
 from app.tasks import load
-from app.tasks.worker_api import doubt, nominal_model, plan
 from tests.planner.table import PHI, planner, rope
 
 RODS = "rope_push@rods"
@@ -35,20 +35,20 @@ def test_other_dynamics_are_refused_with_those_that_there_are(name: str, said: s
 
 
 def test_a_model_that_needs_other_effects_is_refused_by_their_names():
-    phi = compiled.phi_of(nominal_model(RODS)).copy()
+    phi = jit_cache.phi_of(nominal_model(RODS)).copy()
     phi[index("cohesion")] = 5.0
     with pytest.raises(UsageError, match="cohesion"):
-        compiled.planner(RODS, "cpu", phi)
+        jit_cache.planner(RODS, "cpu", phi)
 
 
 def test_a_model_moves_the_rope_with_the_effects_that_it_needs():
-    task, phi = load(RODS), compiled.phi_of(nominal_model(RODS)).copy()
+    task, phi = load(RODS), jit_cache.phi_of(nominal_model(RODS)).copy()
     phi[index("tilt_x")] = 5.0
     phi[index("table_friction")] = 0.02
     start = jnp.asarray(task.problems.particles(task.start(0), COUNT))[None]
     assert task.rods is not None
     away = jnp.tile(jnp.array([0.2, -0.3, 0.3]), (1, 1 + round(0.3 / task.rods.scene.dt_s), 1))
-    end = compiled.advance(RODS, COUNT, acting(phi))(jnp.asarray(phi)[None], start, away)
+    end = jit_cache.advance(RODS, COUNT, acting(phi))(jnp.asarray(phi)[None], start, away)
     pull = 9.81 * (np.radians(5.0) - 0.02)
     assert (end - start).mean((0, 1))[1] == pytest.approx(-pull * 0.3**2 / 2, rel=0.05)
 
@@ -103,6 +103,6 @@ def test_pushes_that_touch_nothing_move_nothing():
     task = load(RODS)
     start = jnp.asarray(task.problems.particles(task.start(0), COUNT))[None]
     away = jnp.tile(jnp.array([0.2, -0.3, 0.3]), (1, task.actions.substeps + 1, 1))
-    phi = jnp.asarray(compiled.phi_of(nominal_model(RODS)))[None]
-    end = compiled.advance(RODS, COUNT)(phi, start, away)
+    phi = jnp.asarray(jit_cache.phi_of(nominal_model(RODS)))[None]
+    end = jit_cache.advance(RODS, COUNT)(phi, start, away)
     assert np.abs(end - start).max() < 1e-4

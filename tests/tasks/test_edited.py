@@ -6,9 +6,10 @@ import pytest
 from app.core.errors import PlanningError
 from app.core.messages import Branch
 from app.core.path_similarity_transform import reshaped
-from app.tasks import load, nominal_model
-from app.tasks import worker_api as jobs
-from app.tasks.edited import edited_plan
+from app.jobs import worker_api
+from app.jobs.edited import edited_plan
+from app.jobs.worker_api import nominal_model
+from app.tasks import load
 
 TASK, PRESET = load("rope_push"), "cpu"
 COUNT = TASK.preset(PRESET).particle_count
@@ -62,7 +63,7 @@ def test_the_edited_branch_comes_first_and_the_others_behind_it() -> None:
 
 
 def test_an_unmoved_motion_of_a_plan_costs_and_predicts_what_it_did() -> None:
-    plan = jobs.plan("rope_push", PRESET, OBSERVED, GOAL, MODEL, 0)
+    plan = worker_api.plan("rope_push", PRESET, OBSERVED, GOAL, MODEL, 0)
     best = plan.branches[plan.best]
     ends = best.tool_path[[0, -1]].astype(float)
     found = edited_plan("rope_push", PRESET, OBSERVED, GOAL, MODEL, plan.branches, plan.best, *ends)

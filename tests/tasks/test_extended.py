@@ -12,14 +12,14 @@ from app.core.errors import ParameterError
 from app.core.messages import Extension, Model
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.residuals.sensitivity import Step
+from app.jobs import jit_cache
+from app.jobs.apparatus_compensation import correction
+from app.jobs.discovery_subject import subject_of
+from app.jobs.extended import Covariance, Estimated, estimated, extended_model
+from app.jobs.worker_api import check_model, nominal_model
 from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import PARAMETERS, acting, index
-from app.tasks import jit_cache as compiled
-from app.tasks import load, nominal_model
-from app.tasks.apparatus_compensation import correction
-from app.tasks.discovery_subject import subject_of
-from app.tasks.extended import Covariance, Estimated, estimated, extended_model
-from app.tasks.worker_api import check_model
+from app.tasks import load
 
 FOUND = {
     "stiffness": Estimated(5.0e4, 4.0e4, 6.0e4),
@@ -119,7 +119,7 @@ def test_effects_that_a_model_is_older_than_are_at_their_null() -> None:
     whole = nominal_model("rope_push@rods")
     old = replace(whole, parameters=tuple(each for each in whole.parameters if each.name != "permanent_set"))
     check_model(old)
-    assert np.array_equal(compiled.phi_of(old), compiled.phi_of(whole))
+    assert np.array_equal(jit_cache.phi_of(old), jit_cache.phi_of(whole))
 
 
 def test_a_model_that_lacks_a_parameter_of_the_simulator_is_refused() -> None:

@@ -18,14 +18,14 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Extension, Model, Parameter
 from app.core.motion import Motion
 from app.core.types import Path3, Points
+from app.jobs import jit_cache
+from app.jobs.apparatus_compensation import correction
+from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
 from app.policy.base import AWAY
 from app.sim.model.params import acting, index
-from app.tasks import jit_cache as compiled
-from app.tasks import nominal_model
-from app.tasks.apparatus_compensation import correction
 from tests.planner.table import PARTICLES, SPACE, TASK, rope
 
 Shift = tuple[float, float, float]
@@ -45,13 +45,13 @@ class World:
 
     @property
     def phi(self) -> np.ndarray:
-        phi = compiled.phi_of(nominal_model("rope_push"))
+        phi = jit_cache.phi_of(nominal_model("rope_push"))
         phi[[index("table_friction"), index("tilt_x")]] = FRICTION, self.tilt_deg
         return phi
 
     def after(self, x: Points, told: Path3) -> Points:
         tool = SPACE.measured_path(told + np.array(self.tip))
-        simulate = compiled.advance("rope_push", PARTICLES, acting(self.phi))
+        simulate = jit_cache.advance("rope_push", PARTICLES, acting(self.phi))
         return np.asarray(simulate(jnp.asarray(self.phi)[None], jnp.asarray(x)[None], jnp.asarray(tool)[None]))[0]
 
     def seen(self, x: Points) -> Points:
@@ -79,7 +79,7 @@ CASES: dict[str, tuple[World, Model | None]] = {
 
 @cache
 def planner(tilted: bool) -> TreePlanner:
-    advance = compiled.carried("rope_push", PARTICLES, acting(World(tilt_deg=float(tilted)).phi))
+    advance = jit_cache.carried("rope_push", PARTICLES, acting(World(tilt_deg=float(tilted)).phi))
     search = TreeConfig(space=SPACE, policy=TASK.policy, weights=TASK.weights, advance=advance, branches=6, depth=1)
     return TreePlanner(search=search, descent=TASK.descent, gradient_steps=8)
 
@@ -137,7 +137,7 @@ def test_what_drifts_in_a_session_is_planned_with_as_it_was_at_its_end() -> None
         jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), AWAY, 1)), jnp.asarray(AWAY, jnp.float32)[None]
     )
     ends = [
-        compiled.advance("rope_push", PARTICLES, acting(phi))(jnp.asarray(phi)[None], jnp.asarray(rope())[None], tool)
+        jit_cache.advance("rope_push", PARTICLES, acting(phi))(jnp.asarray(phi)[None], jnp.asarray(rope())[None], tool)
         for phi in (drifting, constant)
     ]
     np.testing.assert_allclose(ends[0], ends[1], atol=5e-4)

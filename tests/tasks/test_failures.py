@@ -12,6 +12,8 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
+from app.jobs import failures, jit_cache
+from app.jobs.worker_api import calibrate, nominal_model, plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
 from app.sim.diagnosis.dump import load_dump
@@ -19,8 +21,7 @@ from app.sim.diagnosis.failure_diagnosis import dissect
 from app.sim.diagnosis.rod_failure_diagnosis import RodCase, dissect_rod
 from app.sim.model.params import index
 from app.sim.state import State
-from app.tasks import calibrate, failures, load, nominal_model, plan
-from app.tasks import jit_cache as compiled
+from app.tasks import load
 from tests.planner.table import PHI, SPACE, rope, search
 
 BAD = 2
@@ -98,7 +99,7 @@ def test_a_transition_of_a_rope_whose_tool_begins_in_it_is_dumped_as_a_rod(tmp_p
     x = load(name).goal(0, 300)
     through = x[len(x) // 2, :2] + 0.02 * np.linspace(0, 1, 30)[:, None]
     poses = np.concatenate([through, np.tile([0.006, 1.0, 0.0, 0.0, 0.0], (30, 1))], axis=1)
-    phi = compiled.phi_of(nominal_model(name))
+    phi = jit_cache.phi_of(nominal_model(name))
     phi[index("tilt_x")] = 1.0
     said = failures.of_transitions(name, [seen_after(x, poses, x)], phi, Site(recordings=tmp_path))
     (path,) = (tmp_path / failures.FOLDER).iterdir()

@@ -7,7 +7,7 @@ from app.core.errors import UsageError
 from app.core.geometry.fixture_collision import inside
 from app.core.geometry.scene_description import Bowl, Mat, Obstacle, Rack
 from app.tasks import load, names
-from app.tasks.feasible import check_goal
+from app.tasks.elements.feasible import check_goal
 
 FIXTURES = {
     "block": (Obstacle(half_m=(0.1, 0.02, 0.03), place_m=(0.5, 0.0, 0.03)), (0.45, 0.0, 0.03), (0.45, 0.03, 0.03)),

@@ -17,16 +17,15 @@ from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
 from app.core.types import Centreline, Points
 from app.evaluation.episode import EvaluationConfig, play
+from app.jobs import jit_cache, worker_api
+from app.jobs.rope_orientation import oriented_phi
+from app.jobs.worker_api import nominal_model, plan, track_orientation, update
 from app.planner.method import DIPAC
 from app.planner.search.plan import Plan
 from app.sim.model.params import index, with_orientation
 from app.sim.rods.geometry.polyline import distance
 from app.sim.rods.state import RodState
-from app.tasks import jit_cache as compiled
 from app.tasks import load
-from app.tasks import worker_api as jobs
-from app.tasks.rope_orientation import oriented_phi
-from app.tasks.worker_api import nominal_model, plan, track_orientation, update
 from tests.models import model_with
 
 RODS = "rope_push@rods"
@@ -63,8 +62,8 @@ class World:
 
     def pushed(self, model: Model) -> Transition:
         before, way = self.seen(), self.way()
-        phi, path = compiled.phi_of(model), TASK.actions.measured_path(way)
-        simulate = compiled.carried(RODS, COUNT, *compiled.needs(RODS, phi))
+        phi, path = jit_cache.phi_of(model), TASK.actions.measured_path(way)
+        simulate = jit_cache.carried(RODS, COUNT, *jit_cache.needs(RODS, phi))
         end = simulate(jnp.asarray(phi)[None], self.state, jnp.asarray(path)[None])
         assert isinstance(end, RodState)
         self.state = end
@@ -162,7 +161,7 @@ def test_parameters_that_are_odd_along_the_rope_have_the_sign_of_its_nodes_order
 
 def test_while_nobody_knows_the_ends_what_is_even_along_the_rope_acts_alone() -> None:
     model = knowing(stiffness_slope=0.5, stiffness_bow=0.4, rest_curvature=4.0, friction_drift=0.2)
-    even = compiled.phi_of(knowing(stiffness_bow=0.4, friction_drift=0.2))
+    even = jit_cache.phi_of(knowing(stiffness_bow=0.4, friction_drift=0.2))
     np.testing.assert_array_equal(oriented_phi(model, world(1).seen(), UNKNOWN), even)
 
 
@@ -185,10 +184,10 @@ def test_nothing_is_followed_for_models_whose_effects_have_no_ends() -> None:
 
 
 def test_stiffness_along_the_rope_acts_in_its_prediction_by_the_end_that_is_first() -> None:
-    phi = compiled.phi_of(knowing(stiffness_slope=0.9))
+    phi = jit_cache.phi_of(knowing(stiffness_slope=0.9))
     here = world(1)
     path = jnp.asarray(TASK.actions.measured_path(here.way()))[None]
-    simulate = compiled.carried(RODS, COUNT, *compiled.needs(RODS, phi))
+    simulate = jit_cache.carried(RODS, COUNT, *jit_cache.needs(RODS, phi))
     ends = [
         np.asarray(simulate(jnp.asarray(with_orientation(phi, sign))[None], here.state, path).centreline[0])
         for sign in (1.0, 0.0, -1.0)
@@ -220,7 +219,7 @@ def test_a_model_with_stiffness_along_the_rope_plans_whether_its_ends_are_known_
 
 def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     model, found, told = knowing(stiffness_slope=0.9, stiffness_bow=0.4), list[Orientation](), list[Orientation]()
-    follow, decide = jobs.track_orientation, jobs.plan
+    follow, decide = worker_api.track_orientation, worker_api.plan
 
     def track(task: str, orientation: Orientation, made: Transition, by: Model) -> Orientation:
         found.append(follow(task, orientation, made, by))
@@ -230,8 +229,8 @@ def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: 
         told.append(orientation)
         return decide(*decision, orientation=orientation, **rest)
 
-    monkeypatch.setattr(jobs, "track_orientation", track)
-    monkeypatch.setattr(jobs, "plan", planned)
+    monkeypatch.setattr(worker_api, "track_orientation", track)
+    monkeypatch.setattr(worker_api, "plan", planned)
     order = EvaluationConfig(
         task=TASK, preset="cpu", seed=0, method=DIPAC, model=model, eyes="truth", actions=2, play_on=True
     )

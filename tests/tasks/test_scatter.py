@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.tasks.aim import OnMat
 from app.tasks.bean_sweep import BEANS, MAT, TASK
-from app.tasks.scatter import BeanProblems
+from app.tasks.elements.aim import OnMat
+from app.tasks.elements.scatter import BeanProblems
 
 assert isinstance(TASK.problems, BeanProblems)
 PROBLEMS: BeanProblems = TASK.problems

@@ -6,12 +6,12 @@ import pytest
 
 from app.calibration.calibrate import phi_of
 from app.core.motion import pointing_down
+from app.jobs.jit_cache import carried
+from app.jobs.worker_api import nominal_model
 from app.planner.actions.carry_actions import Carries
 from app.tasks import load
-from app.tasks.aim import Hung
-from app.tasks.jit_cache import carried
-from app.tasks.sheets import ClothProblems
-from app.tasks.worker_api import nominal_model
+from app.tasks.elements.aim import Hung
+from app.tasks.elements.sheets import ClothProblems
 
 TASK = load("cloth_hang")
 PROBLEMS, AIM = TASK.problems, TASK.aim

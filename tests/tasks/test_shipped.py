@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
+from app.jobs.jit_cache import nominal_model
+from app.jobs.teaching import SHIPPED, learned, lessons, shipped, simulator
 from app.policy.base import PlanningState
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy
 from app.tasks import load, names
-from app.tasks.jit_cache import nominal_model
-from app.tasks.teaching import SHIPPED, learned, lessons, shipped, simulator
 
 LARGEST_BYTES = 3_000_000
 PROBLEMS = 12

@@ -10,11 +10,11 @@ from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, prepare
+from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.curves import fill_tube
-from app.tasks.discovery_subject import subject_of
-from app.tasks.sizes import SIZES
+from app.tasks.elements.base import Task
+from app.tasks.elements.curves import fill_tube
+from app.tasks.elements.sizes import SIZES
 
 LONGEST, THICKEST = SIZES["length_m"][1], SIZES["radius_m"][1]
 _DENSITY = 0.064 / (0.4 * 0.008**2)

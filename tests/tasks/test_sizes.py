@@ -9,12 +9,12 @@ import pytest
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.scene_description import Finger
 from app.core.task_name import TaskName
+from app.jobs import jit_cache
+from app.jobs.worker_api import nominal_model
 from app.sim.model.params import index
 from app.sim.rods.state import RodState
-from app.tasks import jit_cache as compiled
 from app.tasks import load
-from app.tasks.curves import fill_tube
-from app.tasks.worker_api import nominal_model
+from app.tasks.elements.curves import fill_tube
 
 COUNT = 300
 ENDS = {
@@ -40,10 +40,10 @@ def pushed(task: str, stiffness_pa: float | None = None) -> tuple[RodState, RodS
     across = np.array([-along[1], along[0]])
     way = np.linspace(-0.05, 0.05, data.actions.substeps + 1)[:, None]
     tool = np.concatenate([nearest + way * across, np.full((len(way), 1), data.finger.push_height_m)], axis=1)
-    phi = compiled.phi_of(nominal_model(task))
+    phi = jit_cache.phi_of(nominal_model(task))
     phi[index("stiffness")] = stiffness_pa or phi[index("stiffness")]
     begin = data.begin(jnp.asarray(x)[None])
-    carry = compiled.carried(task, COUNT, *compiled.needs(task, phi))
+    carry = jit_cache.carried(task, COUNT, *jit_cache.needs(task, phi))
     end = carry(jnp.asarray(phi)[None], begin, jnp.asarray(tool, jnp.float32)[None])
     assert isinstance(begin, RodState)
     assert isinstance(end, RodState)
@@ -80,9 +80,9 @@ def test_ranges_of_stiffness_of_two_simulators_adjoin_and_one_has_all(task: str)
     else:
         assert usual.high < stiff.low < 1.00001 * usual.high
     for spec in (usual, stiff):
-        phi = compiled.phi_of(nominal_model(task))
+        phi = jit_cache.phi_of(nominal_model(task))
         phi[column] = spec.high
-        assert compiled.needs(task, phi).stiff == (spec.high > usual.high)
+        assert jit_cache.needs(task, phi).stiff == (spec.high > usual.high)
 
 
 def test_sizes_change_what_is_simulated_seen_and_shown():
@@ -110,8 +110,8 @@ def test_a_flat_finger_stands_in_the_name_and_pushes_the_rope_before_all_of_its_
     begin = -task.finger.radius_m - task.rope.radius_m - abs(task.finger.half_m[1]) - 0.02
     way = np.linspace(begin, 0.03, task.actions.substeps + 1)
     tool = np.stack([np.full(len(way), 0.55), way, np.full(len(way), task.finger.push_height_m)], axis=1)
-    phi = jnp.asarray(compiled.phi_of(nominal_model(named_)))[None]
-    end = compiled.carried(named_, COUNT)(phi, task.begin(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None])
+    phi = jnp.asarray(jit_cache.phi_of(nominal_model(named_)))[None]
+    end = jit_cache.carried(named_, COUNT)(phi, task.begin(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None])
     away = np.asarray(end.x[0, :, :2]) - tool[-1, :2]
     gap = np.linalg.norm(from_core(-away, task.finger.half_m), axis=1).min()
     assert gap == pytest.approx(task.finger.radius_m, abs=0.004)

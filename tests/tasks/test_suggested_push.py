@@ -8,10 +8,11 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
+from app.jobs.suggested_push import aimed, asked_plan, motion_of
+from app.jobs.worker_api import nominal_model
 from app.planner.actions.actions import Pushes
 from app.policy.random_pushes import PushDesign, random_track
-from app.tasks import load, nominal_model
-from app.tasks.suggested_push import aimed, asked_plan, motion_of
+from app.tasks import load
 from tests.planner.table import rope
 
 TASK, SITE = load("rope_push"), Site()

@@ -11,7 +11,8 @@ import pytest
 from app import tasks
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.tasks import calibrate, load, names, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.jobs.worker_api import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks import load, names
 from bench.table import Table
 
 
@@ -72,7 +73,7 @@ def test_a_program_adds_a_task_under_a_name_that_no_other_has() -> None:
 
 @pytest.mark.serial
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
-    code = "import sys, app.tasks.base; print([m for m in ('jax', 'warp') if m in sys.modules])"
+    code = "import sys, app.tasks.elements.base; print([m for m in ('jax', 'warp') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
 

@@ -8,10 +8,9 @@ import pytest
 
 from app.calibration.fit import FitSettings
 from app.core.messages import Extension, Model, Parameter, Transition, fresh_id
+from app.jobs import jit_cache
+from app.jobs.worker_api import calibrate, nominal_model, plan, shown_goal, update
 from app.planner.search.request import PlanRequest
-from app.tasks import calibrate, nominal_model, plan, update
-from app.tasks import jit_cache as compiled
-from app.tasks.worker_api import shown_goal
 from tests.planner.table import PHI, planner, rope
 from tests.tasks.test_apparatus_compensation import transition
 
@@ -25,7 +24,7 @@ MODEL = replace(
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "planner", lambda *_: planner())
+    monkeypatch.setattr(jit_cache, "planner", lambda *_: planner())
 
 
 @pytest.mark.usefixtures("small")
@@ -49,11 +48,11 @@ def test_a_model_learns_from_what_really_happened(job: object, monkeypatch: pyte
 
     def calibrated(
         task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
-    ) -> compiled.Calibrated:
+    ) -> jit_cache.Calibrated:
         learnt.extend(transitions)
-        return compiled.Calibrated(replace(model, id=fresh_id("model")), (), (), ())
+        return jit_cache.Calibrated(replace(model, id=fresh_id("model")), (), (), ())
 
-    monkeypatch.setattr(compiled, "calibrated", calibrated)
+    monkeypatch.setattr(jit_cache, "calibrated", calibrated)
     seen = transition(measured=True)
     assert callable(job)
     new = job("rope_push", "cpu", [seen], MODEL)

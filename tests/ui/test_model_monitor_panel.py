@@ -12,7 +12,7 @@ from app.core.dialogue.model_monitor_messages import Blamed, Verdict, Watched
 from app.core.messages import Transition, fresh_id
 from app.ui.parts import cards
 from app.ui.parts.console_state import ConsoleState
-from app.ui.tabs import model_monitor_panel as doubt
+from app.ui.tabs import model_monitor_panel
 from tests.ui import synthetic
 from tests.ui.test_console_state import board_after
 
@@ -64,16 +64,16 @@ VERDICT = Verdict(
     ],
 )
 def test_the_card_says_how_the_model_does(watched: Watched | None, says: str) -> None:
-    assert says in doubt.watch(ConsoleState(watched=watched))
+    assert says in model_monitor_panel.watch(ConsoleState(watched=watched))
 
 
 def test_what_the_model_promised_is_said_where_it_promised_something() -> None:
-    assert "promised" in doubt.watch(ConsoleState(watched=WATCHED))
-    assert "promised" not in doubt.watch(ConsoleState(watched=replace(WATCHED, promised_m=float("nan"))))
+    assert "promised" in model_monitor_panel.watch(ConsoleState(watched=WATCHED))
+    assert "promised" not in model_monitor_panel.watch(ConsoleState(watched=replace(WATCHED, promised_m=float("nan"))))
 
 
 def test_the_verdict_shows_its_own_causes_first_and_each_once() -> None:
-    shown = doubt.verdict(board_after(VERDICT))
+    shown = model_monitor_panel.verdict(board_after(VERDICT))
     places = [shown.index(title) for title in ("Viscous film", "Stribeck friction", "Table tilt")]
     assert places == sorted(places)
     assert shown.count("Viscous film") == 1
@@ -82,7 +82,7 @@ def test_the_verdict_shows_its_own_causes_first_and_each_once() -> None:
 
 
 def test_without_a_verdict_the_tab_says_how_to_get_one() -> None:
-    assert "dipac console --case" in doubt.verdict(ConsoleState())
+    assert "dipac console --case" in model_monitor_panel.verdict(ConsoleState())
 
 
 @given(st.text(min_size=1))
@@ -94,7 +94,7 @@ def test_no_word_of_a_verdict_or_a_watch_becomes_markup(text: str) -> None:
     )
     watched = replace(WRONG, suspicions=(hostile,), advice=hostile)
     board = ConsoleState(watched=watched, verdict=verdict)
-    assert "<img" not in doubt.watch(board) + doubt.verdict(board)
+    assert "<img" not in model_monitor_panel.watch(board) + model_monitor_panel.verdict(board)
 
 
 def test_where_the_last_push_was_to_end_is_shown_until_the_next_one_is_approved() -> None:

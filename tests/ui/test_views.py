@@ -12,8 +12,7 @@ from app.core.colours import colour_mask
 from app.ui.parts import palette
 from app.ui.parts.console_state import ConsoleState
 from app.ui.server.viser_host import ViserHost
-from app.ui.view import overlays as masks
-from app.ui.view import views
+from app.ui.view import overlays, views
 from app.ui.view.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
 from tests.ui.test_console_state import board_after
@@ -94,24 +93,24 @@ def test_the_masked_pixels_are_tinted_their_outline_is_drawn_and_the_rest_stays(
     image = np.full((12, 12, 3), 100, np.uint8)
     mask = np.zeros((12, 12), bool)
     mask[3:8, 4:9] = True
-    painted = masks.tinted(image, mask, (255, 0, 0))
+    painted = overlays.tinted(image, mask, (255, 0, 0))
     assert (painted[~mask] == 100).all()
     assert (painted[3, 4] == (255, 0, 0)).all()
     assert 100 < painted[5, 6, 0] < 255
-    assert masks.outline(mask).sum() == 16
-    assert not masks.outline(np.ones((5, 5), bool)).any()
+    assert overlays.outline(mask).sum() == 16
+    assert not overlays.outline(np.ones((5, 5), bool)).any()
     assert (image == 100).all()
 
 
 @pytest.mark.parametrize("shape", [(480, 640, 3), (240, 320, 3), (481, 641, 3)])
 def test_a_thinned_mask_is_spread_over_its_image(shape: tuple[int, int, int]):
-    step = masks.stride(shape[1])
+    step = overlays.stride(shape[1])
     mask = np.zeros(shape[:2], bool)
     mask[100:140, 60:90] = True
-    spread = masks.fitted(mask[::step, ::step], shape)
+    spread = overlays.fitted(mask[::step, ::step], shape)
     assert spread.shape == shape[:2]
     assert (spread == mask).mean() > 0.999
-    assert not masks.fitted(np.ones((2, 4), bool), (480, 640, 3)).any()
+    assert not overlays.fitted(np.ones((2, 4), bool), (480, 640, 3)).any()
 
 
 def test_a_camera_s_readings_lie_where_they_are_seen():

@@ -9,7 +9,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.geometry.scene_description import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
-from app.discovery import sensor_actuator_errors as apparatus_files
+from app.discovery import sensor_actuator_errors
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
 from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
@@ -116,7 +116,7 @@ class Subject:
     calibrated: tuple[str, ...]
     rods: RodModel | None = None
     unsaid: frozenset[str] = frozenset()
-    """Sizes that the data do not give, by their names in `tasks.sizes.SIZES`."""
+    """Sizes that the data do not give, by their names in `tasks.elements.sizes.SIZES`."""
     finger: Finger | None = None
     """The tool, where it is known which it is."""
 
@@ -266,7 +266,7 @@ def catalogue(
         columns = tuple(index(spec.name) for spec in effect.parameters)
         causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
     held = list[tuple[Apparatus, int]]()
-    for name, module in files_of(apparatus_files):
+    for name, module in files_of(sensor_actuator_errors):
         effect = module.EFFECT
         first = len(specs)
         specs += effect.parameters

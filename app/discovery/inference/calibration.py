@@ -17,7 +17,7 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery import sensor_actuator_errors as apparatus
+from app.discovery import sensor_actuator_errors
 from app.discovery.inference.mixed_effects import scores
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import projected
@@ -26,7 +26,7 @@ from app.sim.files import files_of
 TABLE: Final = "calibration.json"
 _LARGEST: Final = 15.0
 """Evidence [nats] at which the feature saturates."""
-_DIRECT: Final = frozenset(name for name, _ in files_of(apparatus))
+_DIRECT: Final = frozenset(name for name, _ in files_of(sensor_actuator_errors))
 """Causes of cameras and arm."""
 _TYPICAL_PRECISION: Final = 1.0
 """Prior precision of a cause's size, in typical sizes."""

@@ -56,7 +56,7 @@ def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> M
     """The model in `path`, as a message dated `time_s`; where not `whole`, with any dynamics of the task.
 
     Raises UsageError where the file is missing or belongs to another task, RecordingError where it is not a model.
-    Unknown parameters and values out of range are left to the task to reject (`app.tasks.worker_api.check_model`).
+    Unknown parameters and values out of range are left to the task to reject (`app.jobs.worker_api.check_model`).
     """
     model = _read(path, time_s)
     same = recorded(model.task) == recorded(task)

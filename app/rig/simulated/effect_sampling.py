@@ -8,7 +8,7 @@ import numpy as np
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope, RopeModel
-from app.rig.simulated import injected_effects as hidden_files
+from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
 from app.sim.files import files_of
@@ -43,7 +43,7 @@ class InjectionRequest(NamedTuple):
 
 def known() -> dict[str, Hidden]:
     """Every injectable effect by name: each file of the folder `hidden`."""
-    return {name: module.HIDDEN for name, module in files_of(hidden_files)}
+    return {name: module.HIDDEN for name, module in files_of(injected_effects)}
 
 
 def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:

@@ -19,8 +19,8 @@ from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.rig.simulated.worlds.world import Snapshot
-from app.tasks.base import Task
-from app.tasks.curves import fill_tube
+from app.tasks.elements.base import Task
+from app.tasks.elements.curves import fill_tube
 
 SLOT_S = 8.0
 """Time between pushes: longer than the slowest takes, so that a session's time is proportional to its pushes."""

@@ -15,7 +15,7 @@ from app.core.types import ColourImage
 from app.ui.parts import palette
 from app.ui.parts.cards import table, toned
 from app.ui.parts.console_state import ConsoleState
-from app.ui.view import overlays as masks
+from app.ui.view import overlays
 
 _MM: Final = 1e3
 _DOT_PX: Final = 2
@@ -52,7 +52,7 @@ def result(placing: Placing | None, today: date) -> str:
 
 def marked(image: ColourImage, seen: BoardSeen | None) -> UInt8[np.ndarray, "rows columns 3"]:
     """The picture at the panel's size, with a dot on each corner."""
-    small, step = masks.thinned(image).copy(), masks.stride(image.shape[1])
+    small, step = overlays.thinned(image).copy(), overlays.stride(image.shape[1])
     corners = np.rint(seen.corners / step).astype(int) if seen is not None else np.zeros((0, 2), int)
     height, width = small.shape[:2]
     for column, row in corners:

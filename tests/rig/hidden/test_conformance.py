@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.rig.simulated import injected_effects as hidden
+from app.jobs.discovery_subject import subject_of
+from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, known
 from app.rig.simulated.injected_effects.base import InjectedEffect, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 from tests.rig.hidden.moments import track, world
 from tests.rig.scene import PUSH_Z, ROPE
 
-FILES, MODULES = known(), dict(files_of(hidden))
+FILES, MODULES = known(), dict(files_of(injected_effects))
 CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
@@ -163,7 +163,9 @@ def test_an_effect_says_what_it_is_and_is_short(name: str) -> None:
     assert len(source.splitlines()) <= 70
 
 
-@pytest.mark.parametrize("file", sorted(Path(hidden.__file__).parent.glob("*.py")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted(Path(injected_effects.__file__).parent.glob("*.py")), ids=lambda file: file.stem
+)
 def test_an_effect_is_written_anew_and_imports_nothing_of_what_looks_for_it(file: Path) -> None:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     imported = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]

@@ -8,7 +8,7 @@ import pytest
 
 from app.config import Limits, Site
 from app.core.errors import DeviceError
-from app.rig.kinova import arm_configuration_check as configured
+from app.rig.kinova import arm_configuration_check
 from app.rig.kinova.api.messages import Pose
 from app.rig.kinova.api.setup import ToolConfiguration
 from app.rig.kinova.arm import kinova_arm
@@ -71,7 +71,7 @@ def test_an_arm_that_is_configured_otherwise_is_let_go_with_a_word_on_where_to_s
 
 def test_a_tool_frame_of_numbers_that_are_none_is_said() -> None:
     with pytest.raises(DeviceError, match="numbers that are none"):
-        configured._check_frame(ToolConfiguration(tool_transform=Pose(z=float("nan"))), Holds())
+        arm_configuration_check._check_frame(ToolConfiguration(tool_transform=Pose(z=float("nan"))), Holds())
 
 
 def test_an_arm_that_is_configured_for_what_it_holds_is_taken(arm: FakeProcess) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from app.discovery.experiments.probe import Belief
     from app.discovery.experiments.probe_pushes import Probe, PushSituation
     from app.policy.random_pushes import PushDesign
-    from app.tasks.base import Task
+    from app.tasks.elements.base import Task
 
 
 def unprobed(task: Task) -> str:
@@ -48,7 +48,7 @@ def unprobed(task: Task) -> str:
 
 def probed_subject(task: Task) -> Subject:
     """The simulator that experiments are about. Raises UsageError for a task without them."""
-    from app.tasks.discovery_subject import subject_of
+    from app.jobs.discovery_subject import subject_of
 
     if why := unprobed(task):
         raise UsageError(why)
@@ -183,8 +183,8 @@ def scene(
 
 def probe_motion(task: Task, track: Track, site: Site) -> Motion:
     """A chosen push as a motion that the gate can check."""
+    from app.jobs.suggested_push import motion_of
     from app.planner.actions.actions import Pushes
-    from app.tasks.suggested_push import motion_of
 
     assert isinstance(task.actions, Pushes)
     return motion_of(track, task.actions, site)

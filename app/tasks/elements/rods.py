@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from app.core.geometry.scene_description import Finger, Rope
 from app.sim.rods.scene import RodScene, Wall
-from app.tasks.base import Preset, RodDynamics
+from app.tasks.elements.base import Preset, RodDynamics
 
 PUSH_S, REST_S = 1.2, 0.15
 """Durations of a push, 18 cm at 0.15 m/s, and of the rest after it."""

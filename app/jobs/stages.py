@@ -10,11 +10,11 @@ from app.calibration.evidence import Evidence
 from app.calibration.fit import FitSettings
 from app.config import ANYWHERE, Confines
 from app.core.messages import Model
+from app.jobs.jit_cache import calibrator, nominal_model, phi_of, planner
 from app.planner.method import DIPAC, Method
 from app.policy.base import AWAY
 from app.sim.model.params import with_orientation
 from app.tasks import load
-from app.tasks.jit_cache import calibrator, nominal_model, phi_of, planner
 
 
 @final

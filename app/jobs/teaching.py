@@ -8,11 +8,11 @@ import numpy as np
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.core.types import Points
+from app.jobs.jit_cache import carried, needs, phi_of
 from app.policy.learned.base import LearnedPolicy, Lessons, TrainingSimulator
 from app.policy.learned.examples import Examples
 from app.policy.learned.file import load_policy
-from app.tasks.base import Task
-from app.tasks.jit_cache import carried, needs, phi_of
+from app.tasks.elements.base import Task
 
 
 def lessons(task: Task, world: TrainingSimulator | None = None) -> Lessons:
@@ -21,7 +21,7 @@ def lessons(task: Task, world: TrainingSimulator | None = None) -> Lessons:
 
 
 SHIPPED = Path("shipped")
-"""Named instead of a file: the policy that comes with the program, of the folder `app/tasks/shipped`."""
+"""Named instead of a file: the policy that comes with the program, of the folder `app/jobs/shipped`."""
 _SHIPPED = Path(__file__).parent / SHIPPED
 
 

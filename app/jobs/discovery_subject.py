@@ -15,11 +15,11 @@ from app.discovery.inference.screen import refit
 from app.discovery.residuals.displacement_field import AFTER
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import residuals
+from app.jobs.jit_cache import nominal_model, phi_of
 from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
-from app.tasks.base import Task
-from app.tasks.jit_cache import nominal_model, phi_of
+from app.tasks.elements.base import Task
 
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""

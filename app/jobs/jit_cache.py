@@ -38,7 +38,7 @@ from app.sim.runtime.directions import directed
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
-from app.tasks.base import RodDynamics, Task
+from app.tasks.elements.base import RodDynamics, Task
 
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search"]
 

@@ -45,12 +45,12 @@ def edited_plan(
     """
     from dataclasses import replace
 
+    from app.jobs import jit_cache, rope_orientation
+    from app.jobs.apparatus_compensation import correction
     from app.planner.actions.actions import Pushes
     from app.planner.manual_plan import GivenPush
     from app.planner.search.request import PlanRequest
-    from app.tasks import jit_cache as compiled
-    from app.tasks import load, rope_orientation
-    from app.tasks.apparatus_compensation import correction
+    from app.tasks import load
 
     pushes, where = load(task).actions, site or Site()
     if not isinstance(pushes, Pushes):
@@ -58,7 +58,7 @@ def edited_plan(
     if not 0 <= index < len(branches):
         raise PlanningError("That plan has no such branch; edit the one that is shown.")
     way = reshaped(branches[index].tool_path.astype(np.float64), start, end)
-    search = compiled.search(task, preset, compiled.phi_of(model), where.limits.confines)
+    search = jit_cache.search(task, preset, jit_cache.phi_of(model), where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unseen(observed) if allowed_for else observed

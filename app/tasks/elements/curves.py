@@ -11,7 +11,7 @@ from app.config import Workspace
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.scene_description import Rope
 from app.core.types import Points
-from app.tasks.base import Nodes
+from app.tasks.elements.base import Nodes
 
 _TRIES = 1000
 _MIN_GAP_M = 0.04

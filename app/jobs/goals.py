@@ -7,7 +7,7 @@ from app.core.errors import UsageError
 from app.core.types import Cloud, Points
 from app.perception.body.resample import resample
 from app.tasks import load
-from app.tasks.feasible import check_goal
+from app.tasks.elements.feasible import check_goal
 
 
 def goal_of(task: str, points: Cloud, particle_count: int, workspace: Workspace, name: str, seed: int = 0) -> Points:

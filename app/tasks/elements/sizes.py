@@ -13,7 +13,7 @@ from app.core.geometry.scene_description import Finger, Rope
 from app.core.task_name import TaskName
 
 if TYPE_CHECKING:
-    from app.tasks.base import Task
+    from app.tasks.elements.base import Task
 
 Sized: TypeAlias = "Callable[[Rope, Finger], Task]"
 """A task about this rope and this finger."""

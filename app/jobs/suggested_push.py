@@ -74,11 +74,11 @@ def asked_plan(
     import jax
     import jax.numpy as jnp
 
+    from app.jobs import jit_cache, rope_orientation
+    from app.jobs.apparatus_compensation import correction
+    from app.jobs.discovery_subject import subject_of
     from app.planner.search.plan import Plan
-    from app.tasks import jit_cache as compiled
-    from app.tasks import load, rope_orientation
-    from app.tasks.apparatus_compensation import correction
-    from app.tasks.discovery_subject import subject_of
+    from app.tasks import load
 
     data, where = load(task), site or Site()
     subject_of(data)  # Says so where the task has no pushes.
@@ -86,7 +86,7 @@ def asked_plan(
     x = allowed_for.unseen(observed) if allowed_for else observed
     made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, compiled.phi_of(model))))
+    simulate = jax.jit(jit_cache.carried(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
     before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])

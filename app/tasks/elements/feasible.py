@@ -5,7 +5,7 @@ import numpy as np
 from app.core.errors import UsageError
 from app.core.geometry.fixture_collision import inside
 from app.core.types import Points
-from app.tasks.base import Task
+from app.tasks.elements.base import Task
 
 _MARGIN_M = 0.002
 """Points this deep inside a fixture are drawn carelessly, and no error."""

@@ -16,7 +16,7 @@ from app.core.messages import Proposal, fresh_id
 from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
-from app.tasks.sizes import resized
+from app.tasks.elements.sizes import resized
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
@@ -37,8 +37,8 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.parameter import ParameterSpec
     from app.sim.rods.scene import RodScene
     from app.sim.state import State
-    from app.tasks.aim import SuccessCriterion
-    from app.tasks.sizes import Sized
+    from app.tasks.elements.aim import SuccessCriterion
+    from app.tasks.elements.sizes import Sized
 
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from app.core.geometry.scene_description import Beans, Mat
 from app.core.types import Points
-from app.tasks.base import Nodes
+from app.tasks.elements.base import Nodes
 
 _TRIES = 10_000
 Place: TypeAlias = Float64[np.ndarray, "2"]

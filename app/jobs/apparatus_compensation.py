@@ -20,11 +20,11 @@ from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.residuals.predict import Predictor, dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
+from app.jobs.discovery_subject import subject_of
 from app.planner.base import Planner
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.tasks import load
-from app.tasks.discovery_subject import subject_of
 
 _PAUSE_S = 1e4
 """Time between two positions of a path, so slow that no delay or lag shows."""

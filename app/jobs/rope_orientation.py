@@ -15,10 +15,10 @@ from app.core.geometry.orientation import Orientation
 from app.core.messages import Model, Transition
 from app.core.types import Centreline, Points
 from app.discovery.residuals.steppers import is_flung
+from app.jobs import jit_cache
 from app.planner.search.tree import Advance
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.model.params import odd_values, with_orientation
-from app.tasks import jit_cache as compiled
 from app.tasks import load
 
 
@@ -29,7 +29,7 @@ def oriented_phi(
 
     Odd parameters have the sign of its nodes' order, or are 0 where that is unknown. `near`: as in `jobs.plan`.
     """
-    phi = compiled.phi_of(model)
+    phi = jit_cache.phi_of(model)
     if not any(odd_values(phi)) or load(model.task).dynamics != "rods":
         return phi
     known = orientation.for_odd_parameters(odd_values(phi))
@@ -41,14 +41,14 @@ def track_orientation(task: str, orientation: Orientation, transition: Transitio
 
     Nothing changes for a model without odd parameters, and for other objects than rods.
     """
-    data, phi = load(task), compiled.phi_of(model)
+    data, phi = load(task), jit_cache.phi_of(model)
     if not any(odd_values(phi)) or data.dynamics != "rods":
         return orientation
     known = orientation.for_odd_parameters(odd_values(phi))
     before = _nodes(task, transition.before, known.line if known.line.size else None)
     path = data.actions.measured_path(transition.executed.tool)
     state = data.begin(jnp.asarray(transition.before)[None], jnp.asarray(before))
-    simulate = compiled.carried(task, len(transition.before), *compiled.needs(task, phi))
+    simulate = jit_cache.carried(task, len(transition.before), *jit_cache.needs(task, phi))
     predicted = np.asarray(_either(simulate, jnp.asarray(_either_way(phi)), state, jnp.asarray(path)))
     finite = np.isfinite(predicted).all()
     after = _nodes(task, transition.after, predicted.mean(0) if finite else before)

@@ -15,7 +15,7 @@ from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import LiquidMaterial
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.bowl import BowlCollider
-from app.tasks.base import Nodes
+from app.tasks.elements.base import Nodes
 
 _POINTS_A_PARTICLE = 8
 _SOFTENED = 0.25

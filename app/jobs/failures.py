@@ -11,6 +11,7 @@ from app.calibration.evidence import gather
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
+from app.jobs.jit_cache import needs, now, rod_now
 from app.planner.search.failure import failed_action
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
@@ -24,8 +25,7 @@ from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.state import RodState
 from app.sim.runtime.checks import Arrays, Setup
 from app.tasks import load
-from app.tasks.base import Task
-from app.tasks.jit_cache import needs, now, rod_now
+from app.tasks.elements.base import Task
 
 DUMPS = 3
 """Largest number of dumps by one process, about 50 kB each: later failures are alike."""

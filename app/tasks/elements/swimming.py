@@ -11,8 +11,8 @@ from app.core.geometry.scene_description import Bowl, HeldBowl, Pieces, Soup
 from app.core.types import Points
 from app.perception.body.floating_pieces import Swimming
 from app.perception.body.resample import resample
-from app.tasks.base import Nodes
-from app.tasks.pouring import aside_m, pool_points
+from app.tasks.elements.base import Nodes
+from app.tasks.elements.pouring import aside_m, pool_points
 
 _POINTS_A_PARTICLE = 16
 _APART = 1.4

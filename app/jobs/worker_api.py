@@ -1,6 +1,6 @@
 """Worker API of a task: plain functions of picklable arguments, run in worker processes.
 
-Compiled functions stay in the process that runs them (`app.tasks.jit_cache`), and load there alone: a process that
+Compiled functions stay in the process that runs them (`app.jobs.jit_cache`), and load there alone: a process that
 only names these functions loads neither JAX nor Warp.
 """
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from app.calibration.fit import FitSettings
     from app.core.messages import Model, Transition
     from app.core.types import Centreline, Points, ToolPose
+    from app.jobs.apparatus_compensation import Correction
+    from app.jobs.jit_cache import Calibrated
     from app.planner.search.plan import Plan
     from app.planner.search.request import Ways
-    from app.tasks.apparatus_compensation import Correction
-    from app.tasks.jit_cache import Calibrated
 
 
 def plan(
@@ -59,12 +59,11 @@ def plan(
     motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
     leaves a dump of one that did not; UsageError for an unknown task or preset.
     """
+    from app.jobs import jit_cache, rope_orientation
     from app.planner.search.request import PlanRequest
-    from app.tasks import jit_cache as compiled
-    from app.tasks import rope_orientation
 
     where, allowed_for = site or Site(), _allowed_for(model)
-    planner = compiled.planner(task, preset, compiled.phi_of(model), method, where.limits.confines)
+    planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
     x = allowed_for.unseen(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(
@@ -76,14 +75,14 @@ def plan(
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
             raise
-        from app.tasks import failures
+        from app.jobs import failures
 
         raise PlanningError(f"{error}{failures.of_plan(task, search, replace(request, observed=x))}") from None
 
 
 def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
     """The belief after `transition` about which end of the object is the model's first (see `rope_orientation`)."""
-    from app.tasks import rope_orientation
+    from app.jobs import rope_orientation
 
     if allowed_for := _allowed_for(model):
         transition = allowed_for.transition(transition)
@@ -143,19 +142,18 @@ def _fitted(
     *,
     offline: bool = False,
 ) -> Calibrated:
+    from app.jobs import failures, jit_cache
     from app.sim.model.params import with_orientation
-    from app.tasks import failures
-    from app.tasks import jit_cache as compiled
 
     if allowed_for := _allowed_for(model):
         transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
-        way = compiled.calibrated_from_recordings if offline else compiled.calibrated
+        way = jit_cache.calibrated_from_recordings if offline else jit_cache.calibrated
         found = way(task, preset, transitions, model, settings)
     except SimulationError as error:
-        left = failures.of_transitions(task, transitions, with_orientation(compiled.phi_of(model), 0.0), site)
+        left = failures.of_transitions(task, transitions, with_orientation(jit_cache.phi_of(model), 0.0), site)
         raise SimulationError(f"{error}{left}") from None
-    lost, phi = [transitions[index] for index in found.lost], with_orientation(compiled.phi_of(found.model), 0.0)
+    lost, phi = [transitions[index] for index in found.lost], with_orientation(jit_cache.phi_of(found.model), 0.0)
     if left := failures.of_transitions(task, lost, phi, site):
         _log.warning("A transition of the calibration is not predicted.%s", left)
     return found
@@ -187,37 +185,37 @@ def choose_preset() -> str:
 
 def nominal_model(task: str) -> Model:
     """Version 0: the task's own guess of its parameters."""
-    from app.tasks import jit_cache as compiled
+    from app.jobs import jit_cache
 
-    return compiled.nominal_model(task)
+    return jit_cache.nominal_model(task)
 
 
 def uncalibrated_model(task: str) -> Model:
     """Model of the task's simulator without any demonstration."""
-    from app.tasks import jit_cache as compiled
+    from app.jobs import jit_cache
 
-    return compiled.uncalibrated_model(task)
+    return jit_cache.uncalibrated_model(task)
 
 
 def check_model(model: Model) -> None:
     """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
-    from app.tasks import extended
+    from app.jobs import extended
 
     extended.check(model)
 
 
 def ends_of_ranges(model: Model) -> dict[str, str]:
     """In words, the estimates (those with an interval) at an end of their range, by the parameters' names."""
-    from app.tasks import extended
+    from app.jobs import extended
 
     return extended.ends_of_ranges(model)
 
 
 def planner_needs(model: Model) -> tuple[str, ...]:
     """In words, features that a planner for this model is compiled for: effects by first parameter; a stiff rope."""
-    from app.tasks import jit_cache as compiled
+    from app.jobs import jit_cache
 
-    effects, stiff = compiled.needs(model.task, compiled.phi_of(model))
+    effects, stiff = jit_cache.needs(model.task, jit_cache.phi_of(model))
     return tuple(effect.parameters[0].name for effect in effects) + (("a stiff rope",) if stiff else ())
 
 
@@ -231,7 +229,7 @@ def _allowed_for(model: Model) -> Correction | None:
     """The model's correction of cameras and arm; None if it has none."""
     if not model.apparatus:
         return None
-    from app.tasks.apparatus_compensation import correction
+    from app.jobs.apparatus_compensation import correction
 
     return correction(model)
 
@@ -243,7 +241,7 @@ def warm_up_stages(
 
     The nominal model is used if none is given.
     """
-    from app.tasks.stages import stages
+    from app.jobs.stages import stages
 
     return [stage.name for stage in stages(task, preset, model, method, (site or Site()).limits.confines)]
 
@@ -257,6 +255,6 @@ def warm_up_stage(
     site: Site | None = None,
 ) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
-    from app.tasks.stages import stages
+    from app.jobs.stages import stages
 
     stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()

@@ -7,8 +7,8 @@ import numpy as np
 
 from app.core.geometry.scene_description import Obstacle, Rope
 from app.core.types import Points
-from app.tasks.base import Nodes
-from app.tasks.curves import fill_tube
+from app.tasks.elements.base import Nodes
+from app.tasks.elements.curves import fill_tube
 
 Rectangle: TypeAlias = tuple[float, float, float, float]
 _POINTS = 81

@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 from app.core.geometry.scene_description import Cloth, Rack
 from app.core.types import Points
 from app.perception.body.resample import resample
-from app.tasks.base import Nodes
+from app.tasks.elements.base import Nodes
 
 _LIES_M: Final = 0.002
 """Height of a lying cloth's middle surface over the table."""
