@@ -78,6 +78,10 @@ warp.init()
 check_calls(modules_without_kernels())
 
 
+MOST_MAPS = 40_000
+"""Memory maps of a process: three a compiled program. Linux allows 65,530."""
+
+
 @pytest.fixture(scope="session")
 def anyio_backend() -> str:
     return "asyncio"
@@ -104,6 +108,16 @@ def pytest_runtest_setup(item: pytest.Item) -> Generator[None]:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
     """The test itself."""
     yield from _alone(item)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_programs_leave_room() -> Iterator[None]:
+    """XLA's programs are dropped before a process has as many memory maps as the system allows, which ends it."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_bytes().count(b"\n") > MOST_MAPS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(autouse=True)
