@@ -16,7 +16,7 @@ from app.core.geometry.hand_eye import Setup
 from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.chain import outer
-from app.perception.calibration.se3 import exp, inverse, moved, transform
+from app.perception.calibration.se3 import exp, inverse, transform, transform_points
 from app.perception.calibration.sight import BoardDetection, opencv_board, sight
 from app.perception.calibration.solve import CalibrationView
 
@@ -107,7 +107,7 @@ def reported(truth: Cell, rng: np.random.Generator, errors: Errors) -> Float64[n
 
 def exact(C: Transform, noise_px: float, rng: np.random.Generator) -> BoardDetection:
     """Corners where the pinhole has them, with noise, and the true pose turned and shifted by what that noise does."""
-    pixels = LENS.project(moved(C, BOARD.corners()))
+    pixels = LENS.project(transform_points(C, BOARD.corners()))
     noisy = pixels + noise_px * rng.standard_normal(pixels.shape)
     turn, place = cv2.Rodrigues(C[:3, :3])[0], C[:3, 3].copy()
     _, turn, place = cv2.solvePnP(BOARD.corners(), noisy, LENS.K, np.zeros(5), turn, place, useExtrinsicGuess=True)
@@ -179,7 +179,7 @@ def _before(rng: np.random.Generator, tilt_deg: float, distance_m: float) -> Tra
         pixel = rng.uniform([180, 140], [460, 340])
         place = np.linalg.inv(LENS.K) @ [*pixel, 1.0] * depth - R @ middle
         C = transform(R, place)
-        outline = LENS.project(moved(C, BOARD.outline()))
+        outline = LENS.project(transform_points(C, BOARD.outline()))
         if np.all((outline > 4) & (outline < [LENS.width - 5, LENS.height - 5])):
             return C
 

@@ -24,7 +24,7 @@ from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.rods.geometry.arc_length import arclength_labels
 from app.sim.rods.geometry.centreline import RopeShape, Weighted, through
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
-from app.sim.rods.geometry.verdict import judged
+from app.sim.rods.geometry.verdict import assess
 from app.sim.rods.state import RodState
 from bench.photographs import rendered
 from bench.rods import SCENE, SIMULATE, TASK, physics
@@ -138,7 +138,7 @@ def followed(of: list[Start], clouds: list[Points], *, tracked: bool) -> Found:
     for nodes, tool in of:
         near = None
         for push, now in enumerate(nodes):
-            verdict = judged(next(left), ROPE, near)
+            verdict = assess(next(left), ROPE, near)
             errors.append(1e3 * distance(verdict.line, now[:, :2]))
             clear.append(not verdict.problems)
             if tracked and push + 1 < len(nodes):
@@ -190,7 +190,7 @@ def main() -> None:
     clouds = [exact(now, 0) for now in _all(of)]
     began_s = time.process_time()
     for cloud in clouds:
-        judged(cloud, ROPE)
+        assess(cloud, ROPE)
     console.print(f"{1e3 * (time.process_time() - began_s) / len(clouds):.0f} ms of processors a cloud")
 
 

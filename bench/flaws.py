@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 from app.core.errors import PerceptionError
 from app.core.messages import Frame
 from app.core.motion import pointing_down
-from app.perception.body.temporal_depth_filter import JUMP_M, steadied
+from app.perception.body.temporal_depth_filter import JUMP_M, filter_depth
 from app.perception.cloud.depth import nearest
 from app.perception.reconstruct import PriorKnowledge, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
@@ -108,7 +108,7 @@ def _rows(seed: int, flaw: Flaw) -> dict[str, Row | None]:
     now = flaw(photographed(TASK.stage, snapshot, rng, time_s=1.0), rng)
     how = replace(TASK.seeing, underside="thin") if flaw is flying else TASK.seeing
     memory = reconstruct(before, how).memory
-    steady = [steadied(frame, former) for frame, former in zip(now, before, strict=True)]
+    steady = [filter_depth(frame, former) for frame, former in zip(now, before, strict=True)]
     ways: dict[str, tuple[list[Frame], Reconstruction, PriorKnowledge, list[Frame]]] = {
         "nothing": (now, replace(how, edge_step_m=10.0), PriorKnowledge(), now),
         "+ edges rejected": (now, how, PriorKnowledge(), now),

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.core.errors import PerceptionError
 from app.core.geometry.hand_eye import Setup
-from app.perception.calibration.se3 import moved
+from app.perception.calibration.se3 import transform_points
 from app.perception.calibration.sight import sight
 from app.perception.calibration.solve import solve
 from bench.boards import BOARD, LENS, Camera, Errors, cell, image, off, seen
@@ -61,7 +61,7 @@ def corner_error_px() -> float:
     rng, missed = np.random.default_rng(0), list[np.ndarray]()
     for C in cell(0, 10).C:
         found = sight(image(C, Camera(), rng), BOARD, LENS)
-        missed.append(found.pixels - LENS.project(moved(C, found.points(BOARD))))
+        missed.append(found.pixels - LENS.project(transform_points(C, found.points(BOARD))))
     return float(np.sqrt(np.mean(np.concatenate(missed) ** 2)))
 
 

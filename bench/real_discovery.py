@@ -25,7 +25,7 @@ from app.discovery.checks.limits import limits_of
 from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out, is_sized
+from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out_gain, is_sized
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.case import CauseResult, Limit
@@ -92,7 +92,7 @@ class Investigated:
     def _reasons(self) -> Iterator[str]:
         yield from (limit.text for limit in self.limits if limit.fatal)
         best, nothing, screened = self.decision.singles[0], self.decision.nothing, self.screening
-        held = self.decision.held or held_out((screened.data, screened.prior), best)
+        held = self.decision.held or held_out_gain((screened.data, screened.prior), best)
         if nothing >= _DOUBT:
             yield f"nothing missing has {nothing:.0%}, and no name is given above {_DOUBT:.0%}"
         if held.gain <= 2 * held.error:

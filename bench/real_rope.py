@@ -21,7 +21,7 @@ from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
-from app.discovery.residuals.sensitivity import Step, moved
+from app.discovery.residuals.sensitivity import Step, apply_step
 from app.services.study import read_study
 from app.sim.tools.finger import FingerCollider
 from bench.leave_one_out import Fitted, Place, chosen, descend, folds, loss, paired, placed
@@ -93,7 +93,7 @@ class Rope:
         theta = self._nominal.copy()
         for name, count in place:
             if name != "tool_radius":
-                theta = moved(self.catalogue, theta, _step(self.catalogue, name), float(count))
+                theta = apply_step(self.catalogue, theta, _step(self.catalogue, name), float(count))
         return theta
 
     def radius_m(self, place: Place) -> float:

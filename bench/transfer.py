@@ -20,7 +20,7 @@ from app.core.types import ColourImage
 from app.evaluation import results_log
 from app.evaluation.episode import EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
-from app.jobs.teaching import SHIPPED, learned
+from app.jobs.teaching import SHIPPED, load_learned
 from app.jobs.worker_api import nominal_model
 from app.planner.method import DIPAC, PAPER, Method
 from app.recording.exchange.model_file import load_model
@@ -91,7 +91,7 @@ def guided(
         images: where the pictures go, as rod_to_rope-alone.png and rod_to_rope-guided.png.
     """
     known = load_model(model, task=TASK, time_s=0.0) if model else nominal_model(TASK)
-    found = learned(policy, load(TASK))
+    found = load_learned(policy, load(TASK))
     for name, method in (("alone", ALONE), ("guided", DIPAC)):
         file = images / f"{TASK}-{name}.png"
         seen = _seen(replace(method, policy=found), known, seed, camera)

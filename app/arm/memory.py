@@ -60,7 +60,7 @@ class ArmMemory:
         self.keepalives, self.stop_ns, self.reset_ns, self.closing = Stamp(), Stamp(), Stamp(), Stamp()
 
 
-def posted(motion: Motion) -> dict[str, object]:
+def encode_motion(motion: Motion) -> dict[str, object]:
     """Record of `motion` for `ArmMemory.motions`, without its digest."""
     rows = np.zeros((MAX_WAYPOINTS, 9))
     rows[: len(motion.positions)] = np.concatenate([motion.poses, motion.speeds[:, None]], axis=1)

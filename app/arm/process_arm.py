@@ -10,7 +10,7 @@ import anyio
 import numpy as np
 
 from app.arm.gate import MAX_WAYPOINTS
-from app.arm.memory import MODES, ArmMemory, posted
+from app.arm.memory import MODES, ArmMemory, encode_motion
 from app.config import Site
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
@@ -212,7 +212,7 @@ class ProcessArm:
     async def _followed(self, motion: Motion, digest: str) -> Any:
         """Post the motion, keep the watchdog fed until the arm is at rest again, and return its states meanwhile."""
         memory, seen = self._memory, self._memory.states.count
-        memory.motions.append(digest=digest.encode(), **posted(motion))
+        memory.motions.append(digest=digest.encode(), **encode_motion(motion))
         number, log = memory.motions.count, memory.states.since(seen)[:0]
         while not len(log) or MODES[log["mode"][-1]] in ("moving", "stopping"):
             memory.keepalives.value += 1

@@ -137,13 +137,13 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
 
     Raises SimulationError where no transition can be predicted at `start`.
     """
-    here = _evaluated(slopes, _coordinates(start, specs), specs)
+    here = _evaluate(slopes, _coordinates(start, specs), specs)
     if here is None:
         raise SimulationError(
             "The model predicts none of the transitions; start from the nominal model, or record shorter motions."
         )
     trust = here.loss_m2 / np.log(settings.trust_factor) ** 2
-    here, trials = _descended(slopes, here, trust, specs, settings)
+    here, trials = _descend(slopes, here, trust, specs, settings)
     if settings.probes and len(here.r) > len(here.u):
         quadratics = fit_quadratics(*_probed(slopes, here, specs, settings.probes))
         weights = np.minimum(1, _OUTLYING * np.median(here.r) / here.r)
@@ -154,16 +154,16 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
     margin = factor * deviation if np.isfinite(factor) else np.full(len(here.u), np.inf)
     return Fit(
         values=_values(here.u, specs),
-        low=_values(_bounded(here.u - margin, specs), specs),
-        high=_values(_bounded(here.u + margin, specs), specs),
+        low=_values(_clip(here.u - margin, specs), specs),
+        high=_values(_clip(here.u + margin, specs), specs),
         loss_m2=here.loss_m2,
         trials=(Tried(start, trials[0].loss_m2), *trials[1:]),
         lost=here.lost,
-        losses_m2=_spread(here.r**2, here.lost),
+        losses_m2=_spread_of(here.r**2, here.lost),
     )
 
 
-def _descended(
+def _descend(
     slopes: Slopes, start: _Point, trust: float, specs: Sequence[ParameterSpec], settings: FitSettings
 ) -> tuple[_Point, list[Tried]]:
     """The best point of at most `steps` trials from `start`, and all of them, beginning with it."""
@@ -171,11 +171,11 @@ def _descended(
     for _ in range(settings.steps):
         objective = _Objective(start=start.u, trust=trust, threshold_m=_OUTLYING * float(np.median(here.r)))
         step = _newton_step(here, objective, damping, specs)
-        there = _bounded(here.u + np.clip(step, -np.log(settings.max_factor), np.log(settings.max_factor)), specs)
+        there = _clip(here.u + np.clip(step, -np.log(settings.max_factor), np.log(settings.max_factor)), specs)
         length = float(np.abs(there - here.u).max())
         if length < settings.tolerance / 10:
             break
-        trial = _evaluated(slopes, there, specs)
+        trial = _evaluate(slopes, there, specs)
         trials.append(Tried(_values(there, specs), trial.loss_m2 if trial else float("nan")))
         if trial is not None and len(trial.r) >= len(here.r) and objective.total(trial) < objective.total(here):
             here, damping = trial, damping / 3
@@ -195,7 +195,7 @@ def _probed(
     """
     reach, points = _reach(specs), list[_Point]()
     for z in 2 * qmc.Halton(len(specs), rng=np.random.default_rng(0)).random(count) - 1:
-        point = _evaluated(slopes, _bounded(here.u + z * reach, specs), specs)
+        point = _evaluate(slopes, _clip(here.u + z * reach, specs), specs)
         if point is not None and point.lost == here.lost:
             points.append(point)
     points = points or [here]
@@ -217,14 +217,14 @@ def _probe(spec: ParameterSpec) -> float:
     )
 
 
-def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
+def _spread_of(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
     """The losses with NaN inserted at the indices `lost`."""
     every = np.full(len(losses) + len(lost), np.nan)
     every[np.setdiff1d(np.arange(len(every)), lost)] = losses
     return every
 
 
-def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Point | None:
+def _evaluate(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Point | None:
     """The residuals at `u`, of the transitions that stay finite."""
     values = _values(u, specs)
     losses, gradients = slopes(values)
@@ -302,7 +302,7 @@ def _curvature_along(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec
     low, high = _ends(specs)
     size = _probe(specs[axis])
     step = size if high[axis] - here.u[axis] > here.u[axis] - low[axis] else -size
-    there = _evaluated(slopes, here.u + step * np.eye(len(specs))[axis], specs)
+    there = _evaluate(slopes, here.u + step * np.eye(len(specs))[axis], specs)
     if there is None:
         return np.zeros(len(specs))
     return (there.gradients.mean(0) - here.gradients.mean(0)) / step
@@ -324,5 +324,5 @@ def _ends(specs: Sequence[ParameterSpec]) -> tuple[Vector, Vector]:
     return low, high
 
 
-def _bounded(u: Vector, specs: Sequence[ParameterSpec]) -> Vector:
+def _clip(u: Vector, specs: Sequence[ParameterSpec]) -> Vector:
     return np.clip(u, *_ends(specs))

@@ -63,14 +63,14 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
 
 
 def _blamed(cause: "CauseEntry") -> Blamed:
-    from app.report.drawing.words import measured, title
+    from app.report.drawing.words import measurement, title
 
     size, low, high = (_UNKNOWN if it is None else it for it in (cause.size, cause.low, cause.high))
     return Blamed(
         effect=cause.effect,
         title=title(cause.effect),
         family=cause.family,
-        size=measured(size, low, high, cause.unit),
+        size=measurement(size, low, high, cause.unit),
         probability=0.0 if cause.probability is None else cause.probability,
     )
 

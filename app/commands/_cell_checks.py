@@ -60,10 +60,10 @@ def _calibrations(cell: CellFile, file: Path) -> list[CheckResult]:
         return [CheckResult(what="calibration", state="missing", found=f"{path} is none", mend=str(error))]
     console = f"in the tab Calibrate of `dipac console TASK --rig gen3 --cell {file}`"
     anew = f"Calibrate it {console}, or with `dipac calibration solve FOLDER -o {path}`."
-    return [_calibrated(camera.name, known.get(camera.serial), path, console, anew) for camera in cell.cameras]
+    return [_check_calibrated(camera.name, known.get(camera.serial), path, console, anew) for camera in cell.cameras]
 
 
-def _calibrated(name: str, found: HandEye | None, path: Path, console: str, anew: str) -> CheckResult:
+def _check_calibrated(name: str, found: HandEye | None, path: Path, console: str, anew: str) -> CheckResult:
     """`console`: the place in the console where that is done; `anew`: how a camera is calibrated."""
     what = f"calibration of {name}"
     if found is None:

@@ -14,6 +14,6 @@ def guided(method: Method, policy: Path | None, task: str) -> Method:
     """
     if policy is None:
         return method
-    from app.jobs.teaching import learned  # Loads JAX, which only those pay for who need it.
+    from app.jobs.teaching import load_learned  # Loads JAX, which only those pay for who need it.
 
-    return replace(method, policy=learned(policy, load(task)))
+    return replace(method, policy=load_learned(policy, load(task)))

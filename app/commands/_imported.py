@@ -11,7 +11,7 @@ from app import __version__
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.perception.body.resample_to_count import recounted
+from app.perception.body.resample_to_count import resample_to
 from app.recording.exchange.npz_import import Plain, PlainEpisode, PlainObservation
 
 NOBODY: Final = MessageId("imported")
@@ -58,7 +58,7 @@ def _particles(sight: PlainObservation, count: int) -> Particles:
     return Particles(
         id=fresh_id("particles"),
         time_s=sight.time_s,
-        positions=recounted(sight.cloud, count),
+        positions=resample_to(sight.cloud, count),
         surface=sight.cloud,
         reconstruction_s=0.0,
     )

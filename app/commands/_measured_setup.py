@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError
 from app.core.geometry.scene_description import Rope
-from app.core.geometry.tool_surface import ToolView, fitted_tool
+from app.core.geometry.tool_surface import ToolView, fit_tool
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import FoundTable, MeasuredSetup, Source, SourcedSize, ToolPoints
 from app.core.task_name import TaskName
@@ -109,10 +109,10 @@ def _on_table(plain: Plain) -> tuple[Plain, FoundTable, list[str]]:
             "Cameras may not see the underside of the object, so the table may be lower by its radius: give "
             "table_points, points of the bare table, once an episode."
         )
-    return (_levelled(plain, plane) if moved else plain), table, notes
+    return (_level(plain, plane) if moved else plain), table, notes
 
 
-def _levelled(plain: Plain, plane: TablePlane) -> Plain:
+def _level(plain: Plain, plane: TablePlane) -> Plain:
     """The data transformed so that the plane is level and at height 0."""
     turn = plane.levelling
 
@@ -175,7 +175,7 @@ class _Found:
         if mass is None:
             own = self.task.rope
             mass = _size("mass_kg", own.mass_kg / _volume_m3(own.length_m, own.radius_m), "task")
-            mass = replace(mass, value=_rounded(mass.value * _volume_m3(length.value, radius.value)))
+            mass = replace(mass, value=_round(mass.value * _volume_m3(length.value, radius.value)))
         return length, radius, mass
 
     def tool(self) -> tuple[SourcedSize, ...]:
@@ -184,7 +184,7 @@ class _Found:
         views, of = _tool_views(self.plain), self.plain.about.get("tool", {})
         shape = of.get("shape") if isinstance(of, Mapping) else None
         flat = None if half is None and shape is None else shape == "box" or (half is not None and half.value > 0)
-        surface = fitted_tool(views, flat=flat)
+        surface = fit_tool(views, flat=flat)
         if any(len(view.points) for view in views):
             self.tool_points = "surface" if surface is not None else "tip"
         own = self.task.finger
@@ -265,11 +265,11 @@ class _Found:
 
 
 def _size(name: str, value: float, source: Source, sd: float = 0.0) -> SourcedSize:
-    size = _rounded(value) if source == "data" else float(value)
+    size = _round(value) if source == "data" else float(value)
     return SourcedSize(name=name, value=size, source=source, sd=float(sd))
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     """The value with three digits, more than the data determine."""
     return float(f"{value:.3g}")
 

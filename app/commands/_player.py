@@ -14,7 +14,7 @@ from rich.text import Text
 
 from app.commands._preflight import check_port
 from app.commands._progress import print_whole
-from app.commands._replan import model_names, replanned
+from app.commands._replan import model_names, replan
 from app.config import Site
 from app.core.errors import DipacError, ParameterError, RecordingError
 from app.core.messages import Fault, Message, fresh_id
@@ -62,7 +62,7 @@ async def serve(file: Path, output: Output, *, at_s: float, speed: float, model:
             player=player,
         ) as console:
             output.print(Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True), soft_wrap=True)
-            await show(player, timeline, console, partial(replanned, planner, timeline))
+            await show(player, timeline, console, partial(replan, planner, timeline))
 
 
 async def compare(file: Path, output: Output, *, at_s: float, model: str) -> None:
@@ -73,7 +73,7 @@ async def compare(file: Path, output: Output, *, at_s: float, model: str) -> Non
                 f"--at = {at_s:g} is after the end of {file}, which is {timeline.duration_s:.2f} s long."
             )
         with output.status("planning") as status:
-            found = await replanned(planner, timeline, ReplanRequest(time_s=at_s, path=model), status.update)
+            found = await replan(planner, timeline, ReplanRequest(time_s=at_s, path=model), status.update)
     table = Table("", "then", "planned again")
     for row in rows(found):
         table.add_row(*row)

@@ -17,7 +17,7 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
 from app.jobs.probed import belief, next_probe, probe_motion, probed_subject, refusal
-from app.perception.body.resample_to_count import recounted
+from app.perception.body.resample_to_count import resample_to
 from app.recording.write.file import EpisodeFile
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
 from app.tasks.elements.base import Task
@@ -120,13 +120,13 @@ class ProbedCell:
 
     def _aimed(self, track: Track, seen: ProjectionView) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
-        from app.jobs.suggested_push import aimed
+        from app.jobs.suggested_push import aim_at
         from app.planner.actions.actions import Pushes
 
         assert isinstance(self._task.actions, Pushes)
         motion = probe_motion(self._task, track, self._site)
         try:
-            at = aimed(motion, seen.points, self._task.actions, self._site)
+            at = aim_at(motion, seen.points, self._task.actions, self._site)
         except PlanningError:
             return None
         shift = at.positions[0] - motion.positions[0]
@@ -135,7 +135,7 @@ class ProbedCell:
         return moved if refusal(probe_motion(self._task, moved, self._site), self._site) == "" else None
 
     def _view(self, particles: Particles) -> ProjectionView:
-        return ProjectionView(time_s=particles.time_s, points=recounted(particles.positions, self._count))
+        return ProjectionView(time_s=particles.time_s, points=resample_to(particles.positions, self._count))
 
     def _seen_push(self, before: ProjectionView, take: PushSample, told: Sequence[Message]) -> Push:
         during, after = (message for message in told if isinstance(message, Particles))
@@ -150,7 +150,7 @@ class ProbedCell:
         )
 
 
-def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int, site: Site) -> list[Probe]:
+def recommend(task: Task, study: Study, held: Belief, count: int, *, seed: int, site: Site) -> list[Probe]:
     """The next pushes to make: for the object as observed last, then as each is predicted to leave it.
 
     Raises PlanningError where not one may be made; fewer are given where the rope would then leave the table.

@@ -80,9 +80,7 @@ def model_names(timeline: Timeline) -> dict[str, Model]:
     return {f"{number}: version {model.version}": model for number, model in enumerate(timeline.models, start=1)}
 
 
-async def replanned(
-    planner: Worker, timeline: Timeline, order: ReplanRequest, said: Callable[[str], None]
-) -> Replanned:
+async def replan(planner: Worker, timeline: Timeline, order: ReplanRequest, said: Callable[[str], None]) -> Replanned:
     """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
     Raises UsageError where that moment cannot be planned, and what loading the model and `app.jobs.worker_api.plan`

@@ -10,13 +10,13 @@ from rich.console import Console
 from app.commands._case import MODEL, VERDICT
 from app.core.errors import ParameterError
 from app.core.messages import Model
-from app.discovery.checks.placement import centred
+from app.discovery.checks.placement import centre
 from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
 from app.jobs.discovery_subject import doubted_in
-from app.jobs.extended import estimated, extended_model
+from app.jobs.extended import estimates_of, extended_model
 from app.recording.exchange.model_file import save_model
 from app.report import show_case, verdict_json, write_report
 from app.sim.effects.base import MIDDLE, MIDDLE_M
@@ -57,14 +57,14 @@ def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Se
     """The extended model of `task` for `--model`; the refitted nominal one if no cause was found."""
     known = catalogue(subject.rods)
     nominal = known.nominal(subject)
-    values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)
+    values, covariance = estimates_of(known, nominal, case.extended, case.estimated, case.covariance)
     return extended_model(
         task,
         values,
         effects=_effects(known, case),
         covariance=covariance,
         recordings={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings},
-        camera_m=centred(study, subject).camera,
+        camera_m=centre(study, subject).camera,
         pushes=len(study.pushes),
         time_s=time.monotonic(),
     )

@@ -10,7 +10,7 @@ from app import __version__
 from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
-from app.rig.simulated.effect_sampling import InjectionRequest, described
+from app.rig.simulated.effect_sampling import InjectionRequest, describe
 from app.rig.simulated.push_session import first_end
 from app.rig.simulated.worlds.physics import WorldPhysics
 
@@ -37,7 +37,7 @@ def truth_of(session: PushRecordingConfig, episodes: int | None = None) -> dict[
         "seed": session.seed,
         "episodes": made,
         "pushes": session.plan.pushes,
-        "effects": described(session.hidden),
+        "effects": describe(session.hidden),
         "world": {
             "table_friction": physics.table_friction,
             "finger_friction": physics.finger_friction,

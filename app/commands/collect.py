@@ -16,7 +16,7 @@ from app.core.geometry.scene_description import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.episode import Eyes
 from app.jobs.worker_api import choose_preset
-from app.recording.write.writer import unused
+from app.recording.write.writer import unused_path
 from app.tasks import load
 
 _TRIES = 5
@@ -73,7 +73,7 @@ def collect(
             if reached and not (shown.played.success and shown.steps):
                 progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
                 continue
-            path = unused(folder, f"{task}-{shown.wish.seed:04d}")
+            path = unused_path(folder, f"{task}-{shown.wish.seed:04d}")
             record(shown, path)
             kept, met, actions = kept + 1, met + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)

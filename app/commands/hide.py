@@ -17,7 +17,7 @@ from app.core.task_name import TaskName, recorded
 from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
-from app.rig.simulated.effect_sampling import check_world, draw, mistuned
+from app.rig.simulated.effect_sampling import check_world, draw, mistune
 from app.tasks import load
 from app.tasks.elements.base import Task
 
@@ -52,7 +52,7 @@ def hide(
     _check(seed, episodes, pushes)
     _check_cameras(cameras, depth_noise_mm)
     known = load(recorded(task))
-    physics = mistuned(seed, world, _pushed(known))
+    physics = mistune(seed, world, _pushed(known))
     hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)

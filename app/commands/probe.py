@@ -11,7 +11,7 @@ from rich.prompt import Confirm
 from app.commands._hiding import PushRecordingConfig
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
-from app.commands._probing import ProbedCell, believed_of, recommended
+from app.commands._probing import ProbedCell, believed_of, recommend
 from app.commands._pushes import PUSHES, read_pushes, write_pushes
 from app.commands._report import report_on
 from app.commands._sealing import seal, truth_of, wish_of
@@ -21,7 +21,7 @@ from app.discovery.experiments.probe import belief_words, stop_of, stop_words
 from app.jobs.probed import probed_subject
 from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
-from app.rig.simulated.effect_sampling import draw, mistuned
+from app.rig.simulated.effect_sampling import draw, mistune
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.elements.base import Task
@@ -79,7 +79,7 @@ def _recommend(terminal: Console, task: Task, recordings: Sequence[Path], output
         held = believed_of(task, study)
         terminal.print(_sentence(belief_words(held)), markup=False)
         status.update("choosing pushes")
-        probes = recommended(task, study, held, count, seed=seed, site=Site())
+        probes = recommend(task, study, held, count, seed=seed, site=Site())
     for number, each in enumerate(probes, 1):
         terminal.print(f"{number}. {each.text}.", markup=False)
     path = output / PUSHES
@@ -113,7 +113,7 @@ def _experiment(
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
     plan = PushDesign(episodes=-(-budget // batch), pushes=batch)
     session = PushRecordingConfig(
-        task=load(task.recorded), plan=plan, physics=mistuned(seed), hidden=hidden, seed=seed, folder=output
+        task=load(task.recorded), plan=plan, physics=mistune(seed), hidden=hidden, seed=seed, folder=output
     )
 
     def approved(text: str) -> bool:

@@ -38,7 +38,7 @@ def along(object_: Points, curve: Float64[np.ndarray, "C 2"]) -> Points:
     return np.column_stack([place + offset[:, None] * across, object_[:, 2]]).astype(np.float32)
 
 
-def moved(object_: Points, *, to: Float64[np.ndarray, "2"], turn_rad: float, bend_1_m: float) -> Points:
+def transform(object_: Points, *, to: Float64[np.ndarray, "2"], turn_rad: float, bend_1_m: float) -> Points:
     """The object (N, 3) [m] with its centroid at `to` [m], turned about the vertical, and bent in the plane.
 
     `bend_1_m`: the curvature that it gets along its longer side (Barr 1984, "Global and local deformations of solid
@@ -60,7 +60,7 @@ def moved(object_: Points, *, to: Float64[np.ndarray, "2"], turn_rad: float, ben
     return np.column_stack([turned - turned.mean(0) + to, object_[:, 2]]).astype(np.float32)
 
 
-def gathered(object_: Points, *, middle: Float64[np.ndarray, "2"], radius_m: float) -> Points:
+def gather(object_: Points, *, middle: Float64[np.ndarray, "2"], radius_m: float) -> Points:
     """As many particles as the object (N, 3) [m] has, spread evenly over a disc, at the heights that they have.
 
     Vogel's spiral (Vogel 1979): the i-th at the golden angle times i, at a radius that grows with the root of i.
@@ -76,7 +76,7 @@ def _centreline(
     object_: Points,
 ) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
     """Centreline point, unit normal there, and arc length [m] beside each particle."""
-    order = _ordered(object_)
+    order = _order(object_)
     flat = object_[order, :2].astype(np.float64)
     half = max(int(_WINDOW * len(flat) / 2), 1)
     total = np.concatenate([np.zeros((1, 2)), np.cumsum(flat, axis=0)])
@@ -91,7 +91,7 @@ def _centreline(
     return line[back], np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[back], arc_m[back]
 
 
-def _ordered(object_: Points) -> Int[np.ndarray, " N"]:
+def _order(object_: Points) -> Int[np.ndarray, " N"]:
     """Indices of the particles from one end to the other, by geodesic distance from an end of the longest path.
 
     Strands that touch are a short cut, so an object that lies across itself is ordered wrongly there.

@@ -11,7 +11,7 @@ _APART_M: Final = 1e-3
 """End points nearer than this [m] do not define a rotation and scale."""
 
 
-def reshaped(way: Path3, start: Float64[np.ndarray, "3"], end: Float64[np.ndarray, "3"]) -> Path3:
+def reshape(way: Path3, start: Float64[np.ndarray, "3"], end: Float64[np.ndarray, "3"]) -> Path3:
     """`way` (W, 3) [m] moved, turned and scaled in the table's plane so that it goes from `start` to `end` [m].
 
     Heights are unchanged. A path that ends where it begins keeps its shape and follows `start` alone.

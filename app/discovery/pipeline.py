@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from app.discovery.checks.direct_checks import direct_checks
 from app.discovery.checks.frames import frame_tests
 from app.discovery.checks.limits import limits_of
-from app.discovery.checks.placement import centred, moved_back, reach_m
+from app.discovery.checks.placement import centre, move_back, reach_m
 from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, catalogue, setup_of
 from app.discovery.dataset.study import Study
@@ -27,9 +27,9 @@ from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, Name, ResidualField
 from app.discovery.results.formula_text import formula_of
-from app.discovery.results.gain import gained
+from app.discovery.results.gain import measure_gain
 from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
-from app.discovery.unexplained.formula import UnexplainedForce, opened
+from app.discovery.unexplained.formula import UnexplainedForce, fit_unexplained_force
 
 _ARROWS = 40
 """Drawn for each push."""
@@ -45,12 +45,12 @@ _BELOW_M = 0.004
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def discover(study: Study, subject: Subject, said: Progress, about: Theta | None = None) -> Case:
-    """Run the whole pipeline on a study of a task's simulator. `said` is called with progress; `about`: see `judged`.
+    """Run the whole pipeline on a study of a task's simulator. `said` is called with progress; `about`: see `judge`.
 
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
     stages = Stages(said)
-    found = judged(study, subject, stages, about)
+    found = judge(study, subject, stages, about)
     predictor, trials, screening, decision = found.predictor, found.trials, found.screening, found.decision
     study, refitted, limits = trials.study, found.about, found.limits
     with stages.stage("direct checks"):
@@ -59,13 +59,13 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
         places, arrows = arrows_of(trials, screening.data, predictor, refitted)
         frames = frame_tests(trials, places, arrows)
     with stages.stage("what is left"):
-        open_ended = opened(predictor, trials, screening, decision, said)
+        open_ended = fit_unexplained_force(predictor, trials, screening, decision, said)
     verdict, names = verdict_of(decision, limits, open_ended)
     model = _model(verdict, decision, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
     left = max(open_ended.left.probability, decision.unknown)
     with stages.stage("gain on episodes left out"):
-        gain = gained(predictor, trials, screening, model)
+        gain = measure_gain(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
     with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
@@ -102,7 +102,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
         setup=study.setup or setup_of(subject),
         origin_m=study.origin_m,
     )
-    return moved_back(case, study.origin_m)
+    return move_back(case, study.origin_m)
 
 
 @final
@@ -122,13 +122,13 @@ class Judged:
     limits: tuple[Limit, ...]
 
 
-def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None = None) -> Judged:
+def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None = None) -> Judged:
     """Refit the nominal model, weigh every cause against it, and decide; with the limits of the study.
 
     `about`: the refitted nominal model, where it is known.
     """
     limits = limits_of(study, subject)
-    study = centred(study, subject)
+    study = centre(study, subject)
     known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
     predictor, trials = Predictor(subject, known), prepare(study, subject)
     with stages.stage("nominal fit"):

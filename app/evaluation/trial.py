@@ -132,10 +132,10 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 
 @lru_cache
 def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
-    from app.jobs.teaching import learned
+    from app.jobs.teaching import load_learned
 
     known = load(task)
-    return learned(folder / known.problem / kind, known, kind)
+    return load_learned(folder / known.problem / kind, known, kind)
 
 
 def _model(trial: Trial, method: Method) -> Model:

@@ -57,7 +57,7 @@ class Watching:
             self.seen += 1
 
     def _looked(self, push: ExecutedPush) -> tuple[Watch, Watched]:
-        seen = _glanced(push, self._verdict.promised_share if self._verdict else float("nan"))
+        seen = _glance(push, self._verdict.promised_share if self._verdict else float("nan"))
         watch = self._watch.after(seen)
         return watch, Watched(
             id=fresh_id("watched"),
@@ -86,7 +86,7 @@ def alarm(watched: Watched) -> str:
     )
 
 
-def _glanced(push: ExecutedPush, share: float) -> Glance:
+def _glance(push: ExecutedPush, share: float) -> Glance:
     proposal, transition, model = push
     promised_m = float("nan")
     if model is not None and model.transition_count >= FIRST and math.isfinite(model.loss_m2):

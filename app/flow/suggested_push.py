@@ -13,7 +13,7 @@ from app.core.motion import Motion
 from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
 from app.flow.probing import Probing
-from app.jobs.suggested_push import asked_plan
+from app.jobs.suggested_push import plan_of_suggestion
 from app.tasks.elements.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
@@ -58,7 +58,7 @@ class Asking:
             return None
         try:
             found = await self._planner.run(
-                asked_plan, self._task, x, goal, model, motion, self._site, near, orientation
+                plan_of_suggestion, self._task, x, goal, model, motion, self._site, near, orientation
             )
         except (PlanningError, WorkerError) as error:
             self.answered()

@@ -16,7 +16,7 @@ from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Path3, Points
-from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.residuals.predict import Predictor, dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
@@ -94,7 +94,7 @@ class Correction:
         return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
 
     def _eye(self, points: Points) -> Eye:
-        return Eye(self.camera_m, labelled([points], self.predictor.subject.rods)[1][0].astype(np.float64))
+        return Eye(self.camera_m, label_particles([points], self.predictor.subject.rods)[1][0].astype(np.float64))
 
     def _felt(self, motion: Motion, before: Points, after: Points) -> Load:
         lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
 from app.core.measured_setup import MeasuredSetup
-from app.discovery.checks.placement import centred
+from app.discovery.checks.placement import centre
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, catalogue, unknowns_of
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
@@ -84,7 +84,7 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     usual = subject_of(task, study.setup)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
         return Doubted(subject=usual)
-    trials, predictor = prepare(centred(study, usual), usual), Predictor(usual, catalogue(usual.rods))
+    trials, predictor = prepare(centre(study, usual), usual), Predictor(usual, catalogue(usual.rods))
     about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
     if about[column] < _STIFF * usual.nominal[column]:
         return Doubted(subject=usual, about=about)

@@ -9,7 +9,7 @@ import numpy as np
 from app.config import Site
 from app.core.errors import PlanningError
 from app.core.geometry.orientation import UNKNOWN, Orientation
-from app.core.path_similarity_transform import reshaped
+from app.core.path_similarity_transform import reshape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +57,7 @@ def edited_plan(
         raise PlanningError(f"Motions of {task} cannot be edited, only pushes over a table; approve or reject it.")
     if not 0 <= index < len(branches):
         raise PlanningError("That plan has no such branch; edit the one that is shown.")
-    way = reshaped(branches[index].tool_path.astype(np.float64), start, end)
+    way = reshape(branches[index].tool_path.astype(np.float64), start, end)
     search = jit_cache.search(task, preset, jit_cache.phi_of(model), where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     allowed_for = correction(model) if model.apparatus else None

@@ -11,7 +11,7 @@ from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, Catalogue, Theta, catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.jobs.jit_cache import nominal_model
-from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validated
+from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validate
 from app.sim.parameter import ParameterSpec
 from app.tasks import load
 
@@ -76,7 +76,7 @@ def extended_model(
     return model
 
 
-def estimated(
+def estimates_of(
     known: Catalogue, nominal: Theta, theta: Theta, steps: Sequence[Step], covariance: Float64[np.ndarray, "Q Q"]
 ) -> tuple[dict[str, Estimated], Covariance]:
     """A discovery's `theta`, of which `steps` with their covariance were fitted, as `extended_model` takes it.
@@ -106,7 +106,7 @@ def check(model: Model) -> None:
     """
     values = {parameter.name: parameter.value for parameter in model.parameters}
     _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
-    validated(phi_with_nulls(values), load(model.task).parameters())
+    validate(phi_with_nulls(values), load(model.task).parameters())
     specs = _apparatus_specs()
     _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
     for parameter in model.apparatus:

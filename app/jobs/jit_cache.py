@@ -23,7 +23,7 @@ from app.core.messages import MessageId, Model, Parameter, Transition
 from app.core.motion import TOOL_DOWN
 from app.planner.base import Planner
 from app.planner.method import DIPAC, Method
-from app.planner.planner_factory import made
+from app.planner.planner_factory import make_planner
 from app.planner.search.tree import Advance, Part, TreeConfig
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.effect_composition import require_known
@@ -34,13 +34,13 @@ from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
 from app.sim.rods.state import RodStart, RodState
-from app.sim.runtime.directions import directed
+from app.sim.runtime.directions import direct
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.elements.base import RodDynamics, Task
 
-__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search"]
+__all__ = ["advance", "calibrate_model", "nominal_model", "now", "phi_of", "planner", "search"]
 
 FromRest = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T C"]], Float[Array, "B N 3"]]
 """Simulator of an observed object at rest: parameters, particles before, tool path -> particles after."""
@@ -74,7 +74,7 @@ def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()
 @lru_cache
 def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromRest:
     """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
-    end, begin = ended(task, particle_count, effects, stiff), load(task).begin
+    end, begin = end_loss(task, particle_count, effects, stiff), load(task).begin
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
@@ -85,7 +85,7 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), st
 
 
 @lru_cache
-def ended(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
+def end_loss(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
     """The same from a state, as the particles come to rest."""
     carry = carried(task, particle_count, effects, stiff)
 
@@ -147,7 +147,7 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
     ) -> ObjectState:
         assert isinstance(state, State)
         setting = now(len(phi), particle_count)
-        known = setting if began is state.x else directed(data.scene, setting, began)
+        known = setting if began is state.x else direct(data.scene, setting, began)
         return simulate(phi[:, own], state, tool, known)
 
     return move
@@ -193,7 +193,7 @@ def _planner(task: str, preset: str, needed: Needs, method: Method, confines: Co
     data, search = load(task), _search(task, preset, needed, confines)
     if method.policy is not None:
         search = replace(search, policy=method.policy, origin="learned")
-    return made(method, search, data.descent, data.preset(preset).gradient_steps)
+    return make_planner(method, search, data.descent, data.preset(preset).gradient_steps)
 
 
 def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> TreeConfig:
@@ -225,7 +225,7 @@ def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.nd
 @lru_cache
 def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
-    simulator = ended(task, data.preset(preset).particle_count, *needed)
+    simulator = end_loss(task, data.preset(preset).particle_count, *needed)
     predictor = ModelScorer(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)
@@ -258,7 +258,7 @@ class Calibrated(NamedTuple):
     trials: tuple[Tried, ...]
 
 
-def calibrated(
+def calibrate_model(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
     """The next version of `model`, fitted to all the transitions; what is odd along the object is 0 meanwhile."""
@@ -272,13 +272,13 @@ def calibrated(
 def calibrated_from_recordings(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
-    """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
+    """As `calibrate_model`; of rods also the tool's offset, as far as an interval tells it from none.
 
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
     data, phi = load(task), with_orientation(phi_of(model), 0.0)
     if _tool_offset(data) is None:
-        return calibrated(task, preset, transitions, model, settings)
+        return calibrate_model(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
     check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
     fitter, found = _fitted(task, preset, settings, phi, lambda by, phi: by.fit_with_offset(evidence, phi))

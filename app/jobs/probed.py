@@ -16,7 +16,7 @@ from app.arm.path import raised
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
 from app.core.geometry.scene_description import Rope
-from app.perception.body.resample_to_count import recounted
+from app.perception.body.resample_to_count import resample_to
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,11 +57,11 @@ def probed_subject(task: Task) -> Subject:
 
 def belief(task: str, study: Study | None = None) -> Belief:
     """Belief after a study; the prior without one. Takes up to a minute."""
-    from app.discovery.experiments.probe import believed, first_belief
+    from app.discovery.experiments.probe import first_belief, update_belief
     from app.tasks import load
 
     subject = probed_subject(load(task))
-    return first_belief(subject) if study is None else believed(study, subject)
+    return first_belief(subject) if study is None else update_belief(study, subject)
 
 
 def next_probe(
@@ -75,11 +75,11 @@ def next_probe(
     site: Site | None = None,
 ) -> Probe:
     """The next push for the object as it is `seen`. Raises PlanningError where none may be made."""
-    from app.discovery.experiments.probe_pushes import chosen
+    from app.discovery.experiments.probe_pushes import choose
     from app.tasks import load
 
     data = load(task)
-    return chosen(probed_subject(data), held, scene(data, seen, episode, made, plan, site or Site()), seed=seed)
+    return choose(probed_subject(data), held, scene(data, seen, episode, made, plan, site or Site()), seed=seed)
 
 
 @final
@@ -105,7 +105,7 @@ class Chosen:
     then: Weighed
 
 
-def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
+def weigh_causes(task: str, made: Sequence[Push], budget: int) -> Weighed:
     """Belief after the pushes of a session so far. Takes up to a minute."""
     from app.discovery.dataset.study import Study
     from app.discovery.experiments.probe import belief_words, stop_of, stop_words
@@ -113,7 +113,7 @@ def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
 
     data = load(task)
     count = probed_subject(data).particle_count
-    pushes = tuple(_counted(push, count) for push in made)
+    pushes = tuple(_count(push, count) for push in made)
     held = belief(task, Study(task=data.recorded, pushes=pushes) if pushes else None)
     stop, words = stop_of(held, budget), belief_words(held)
     over = "" if stop is None else stop_words(held, stop)
@@ -138,26 +138,26 @@ def chosen_motion(
     from app.policy.random_pushes import PushDesign
     from app.tasks import load
 
-    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weighed` or of this.
+    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weigh_causes` or of this.
     count = probed_subject(data).particle_count
-    pushes = tuple(_counted(push, count) for push in made)
+    pushes = tuple(_count(push, count) for push in made)
     slowest, fastest = PushDesign().speeds_m_s
     plan = PushDesign(
         speeds_m_s=(slowest, min(fastest, site.limits.speed_m_s)),
         measured=all(push.measured is not None for push in pushes),
         during=all(push.during for push in pushes),
     )
-    seen = ProjectionView(time_s=time_s, points=recounted(observed, count))
+    seen = ProjectionView(time_s=time_s, points=resample_to(observed, count))
     probe = next_probe(task, known, seen, episode, pushes, plan, seed, site)
     then = replace(held, belief=pickle.dumps(known.expecting(probe.information)))
     return Chosen(motion=probe_motion(data, probe.track, site), text=probe.text, then=then)
 
 
-def _counted(push: Push, count: int) -> Push:
+def _count(push: Push, count: int) -> Push:
     """The same with as many points in each view as discovery simulates."""
 
     def view(seen: ProjectionView) -> ProjectionView:
-        return replace(seen, points=recounted(seen.points, count)) if len(seen.points) != count else seen
+        return replace(seen, points=resample_to(seen.points, count)) if len(seen.points) != count else seen
 
     return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
 

@@ -55,7 +55,7 @@ def motion_of(track: Track, pushes: Pushes, site: Site) -> Motion:
     return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
 
 
-def asked_plan(
+def plan_of_suggestion(
     task: str,
     observed: Points,
     goal: Points,
@@ -84,7 +84,7 @@ def asked_plan(
     subject_of(data)  # Says so where the task has no pushes.
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unseen(observed) if allowed_for else observed
-    made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
+    made = aim_at(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
     simulate = jax.jit(jit_cache.carried(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
     before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
@@ -119,7 +119,7 @@ def asked_plan(
     )
 
 
-def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
+def aim_at(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
     """The motion moved over the table by as little as makes it begin beside the object and meet it.
 
     Raises PlanningError where there is no such place within the region of pushes.

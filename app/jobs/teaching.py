@@ -25,7 +25,7 @@ SHIPPED = Path("shipped")
 _SHIPPED = Path(__file__).parent / SHIPPED
 
 
-def learned(path: Path, task: Task, kind: str | None = None) -> LearnedPolicy:
+def load_learned(path: Path, task: Task, kind: str | None = None) -> LearnedPolicy:
     """The task's policy in that file or folder, or the one that is `SHIPPED`.
 
     Raises UsageError and RecordingError as `load_policy`, and UsageError where it is of another `kind`.

@@ -16,16 +16,16 @@ from app.core.system.shared_libraries import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
 from app.perception.body.fill import Solid, Underside, fill, points_inside
 from app.perception.body.floating_pieces import Swimming
-from app.perception.body.occluded_motion import carried
+from app.perception.body.occluded_motion import carry_along
 from app.perception.body.resample import resample
-from app.perception.body.temporal_depth_filter import steadied
+from app.perception.body.temporal_depth_filter import filter_depth
 from app.perception.body.vessels import Pool, Vessel, level_of
 from app.perception.cloud.fuse import Box
 from app.perception.cloud.hull import Hull, hull
-from app.perception.cloud.occlusion_memory import NOTHING, Memory, beside, recalled, renewed
+from app.perception.cloud.occlusion_memory import NOTHING, Memory, beside, recall, renew
 from app.perception.cloud.robot_mask import pieces, shadow
 from app.perception.cloud.view_diagnostics import Some, ViewDiagnostics
-from app.perception.cloud.views import ObjectView, PointFilter, surface, told, view
+from app.perception.cloud.views import ObjectView, PointFilter, diagnostics_of, surface, view
 from app.perception.mask.segment import ByColour, Segmenter
 
 _BODY_POINTS = 6000
@@ -117,7 +117,7 @@ class PriorKnowledge:
         """The memory, with the parts that the tool has pushed since moved ahead of it."""
         if self.arm is None:
             return self.memory
-        points = carried(self.memory.points, self.arm.tool, self.way, 2 * how.half_width_m)
+        points = carry_along(self.memory.points, self.arm.tool, self.way, 2 * how.half_width_m)
         return replace(self.memory, points=points)
 
 
@@ -154,9 +154,9 @@ def reconstruct(
     known = known or PriorKnowledge()
     views, *swimming = _views(frames, how, known)
     now_s = max((frame.time_s for frame in frames), default=0.0)
-    past = recalled(known.remembered(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
+    past = recall(known.remembered(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
     if views and not any(view.frame.depth.any() for view in views):
-        carved = _carved(views, how, past.kept)
+        carved = _carve(views, how, past.kept)
         seen, tops = _enough(carved.surface, views, how), _NONE
     else:
         carved, seen = None, _enough(surface(views, how.sieve), views, how)
@@ -168,9 +168,9 @@ def reconstruct(
     return Reconstructed(
         positions=positions,
         surface=whole,
-        looks=told(views),
+        looks=diagnostics_of(views),
         predicted=_nearer_to(kept.points, np.concatenate([seen, tops]), positions, how),
-        memory=renewed(seen, kept, now_s) if how.hidden_s > 0 else NOTHING,
+        memory=renew(seen, kept, now_s) if how.hidden_s > 0 else NOTHING,
         expired=past.expired,
     )
 
@@ -179,10 +179,10 @@ def looked(
     frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge | None = None
 ) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, also where they are insufficient for `reconstruct`."""
-    return told(_views(frames, how, known or PriorKnowledge())[0])
+    return diagnostics_of(_views(frames, how, known or PriorKnowledge())[0])
 
 
-def _carved(views: Sequence[ObjectView], how: Reconstruction, kept: Memory) -> Hull:
+def _carve(views: Sequence[ObjectView], how: Reconstruction, kept: Memory) -> Hull:
     """Visual hull of the silhouettes. Raises PerceptionError for a liquid: its level is not in its outline."""
     if how.standing:
         raise PerceptionError(
@@ -264,17 +264,17 @@ def _views(frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge) 
     postures = known.postures or (None,) * len(frames)
     ordered = sorted(zip(frames, postures, strict=True), key=lambda pair: (pair[0].camera.name, pair[0].time_s))
     before = {frame.camera.name: frame for frame in known.before}
-    rows = [_seen(frame, before.get(frame.camera.name), posture, how, known.arm) for frame, posture in ordered]
+    rows = [_observe(frame, before.get(frame.camera.name), posture, how, known.arm) for frame, posture in ordered]
     return [list(views) for views in zip(*rows, strict=True)] or [[]]
 
 
-def _seen(
+def _observe(
     frame: Frame, before: Frame | None, posture: JointState | None, how: Reconstruction, arm: ArmShape | None
 ) -> list[ObjectView]:
     if not how.depth:
         frame = replace(frame, depth=np.zeros_like(frame.depth))
     elif how.hidden_s > 0:
-        frame = steadied(frame, before)
+        frame = filter_depth(frame, before)
     dark = None
     if arm is not None and posture is not None:
         dark = shadow(frame.camera, frame.depth, pieces(arm, posture))

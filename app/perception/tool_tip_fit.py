@@ -75,10 +75,10 @@ def tool_points(
         return _NOTHING
     surface = np.concatenate([look.upper for look in looks])
     middle = np.mean([_middle(look, radius_m) for look in looks], axis=0)
-    fit, _ = _fitted(np.array([*middle, tip[2], 0.0, 0.0]), tip[2], surface, [], radius_m)
+    fit, _ = _fit(np.array([*middle, tip[2], 0.0, 0.0]), tip[2], surface, [], radius_m)
     surface = surface[np.linalg.norm(_off_surface(fit, surface, radius_m), axis=1) < _OFF_SURFACE_M]
-    outlines = [_outlined(look, fit, radius_m) for look in looks]
-    fit, deviation = _fitted(fit, tip[2], surface, outlines, radius_m)
+    outlines = [_outline(look, fit, radius_m) for look in looks]
+    fit, deviation = _fit(fit, tip[2], surface, outlines, radius_m)
     if len(surface) < _LEAST_POINTS or deviation[:3].max() > _KNOWN_M:
         return _NOTHING
     spread = np.random.default_rng(seed).permutation(_off_surface(fit, surface, radius_m))[:TIP_POINTS]
@@ -148,7 +148,7 @@ class _Outline(NamedTuple):
     is_finger: Bool[np.ndarray, " M"]
 
 
-def _outlined(look: _Look, capsule: Capsule, radius_m: float) -> _Outline:
+def _outline(look: _Look, capsule: Capsule, radius_m: float) -> _Outline:
     """The pixels about the capsule's outline."""
     rays = np.concatenate([look.finger, look.behind]) - look.eye
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -157,7 +157,7 @@ def _outlined(look: _Look, capsule: Capsule, radius_m: float) -> _Outline:
     return _Outline(look.eye, rays[near], is_finger[near])
 
 
-def _fitted(
+def _fit(
     start: Capsule, height_m: float, surface: Vectors, outlines: Sequence[_Outline], radius_m: float
 ) -> tuple[Capsule, Float64[np.ndarray, "5"]]:
     """The best fit of the capsule to readings of its surface and to its outlines, and its standard deviations.

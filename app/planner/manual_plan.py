@@ -49,7 +49,7 @@ class GivenPush:
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         none = jnp.zeros((1, 0, self.search.space.size))
         tree = RootBatch(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], none)
-        rollout = _judged(self.search, tree, jnp.asarray(request.goal))
+        rollout = _evaluate(self.search, tree, jnp.asarray(request.goal))
         _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
         seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)
         origins: list[Origin] = ["edited"]
@@ -100,5 +100,5 @@ def _require_unmended(wanted: Float32[np.ndarray, " A"], made: Float32[np.ndarra
 
 
 @partial(jax.jit, static_argnums=0)
-def _judged(search: TreeConfig, tree: RootBatch, goal: Float[Array, "M 3"]) -> Rollout:
+def _evaluate(search: TreeConfig, tree: RootBatch, goal: Float[Array, "M 3"]) -> Rollout:
     return simulate(search, tree.phi, tree.now, goal, roll_out(search, tree))

@@ -10,7 +10,7 @@ from app.planner.search.optimise import OptimizerConfig
 from app.planner.search.tree import TreeConfig
 
 
-def made(method: Method, search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
+def make_planner(method: Method, search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """The planner for a task's search, as sized by its preset, with the method's ablations.
 
     Where nothing is chosen and nothing optimised, only the action that is executed is simulated.

@@ -62,7 +62,7 @@ class ScriptedGap:
     def act(self, prepared: None, now: PlanningState) -> ActionDistribution:
         """One push for each candidate."""
         del prepared
-        rod = fitted(now.x[..., :2])
+        rod = fit_angle(now.x[..., :2])
         ends = jnp.stack([self._through(rod), self._turned(rod), self._shifted(rod)], axis=1)
         chosen = jnp.where(self._aligned(rod), 0, jnp.where(jnp.abs(rod.heading) > self.straight_rad, 1, 2))
         start, way = jnp.moveaxis(jnp.take_along_axis(ends, chosen[:, None, None, None], axis=1)[:, 0], 1, 0)
@@ -94,7 +94,7 @@ class ScriptedGap:
         at = rod.middle + head * _END * self.half_length_m * rod.along
         push = -head * side * rod.normal
         # The end goes along an arc, whose chord leads half of the turn away from the normal.
-        chord = _rotated(push, -turn / 2)
+        chord = _rotate(push, -turn / 2)
         travel = (_END + _PIVOT) * self.half_length_m * jnp.abs(turn)[:, None]
         start = at - self.start_gap_m * push
         return jnp.stack([start, chord * (travel + self.start_gap_m - self.contact_gap_m)], axis=1)
@@ -108,7 +108,7 @@ class ScriptedGap:
         return jnp.stack([rod.middle - self.start_gap_m * push, length * push], axis=1)
 
 
-def fitted(x: Float[Array, "B N 2"]) -> StraightRods:
+def fit_angle(x: Float[Array, "B N 2"]) -> StraightRods:
     """The straight rods that particles `x` [m] lie along: their principal axes, led towards +x."""
     middle = x.mean(1)
     off = x - middle[:, None]
@@ -118,7 +118,7 @@ def fitted(x: Float[Array, "B N 2"]) -> StraightRods:
     return StraightRods(middle, along, jnp.stack([-along[:, 1], along[:, 0]], axis=-1), heading)
 
 
-def _rotated(vectors: Float[Array, "B 2"], angle: Float[Array, " B"]) -> Float[Array, "B 2"]:
+def _rotate(vectors: Float[Array, "B 2"], angle: Float[Array, " B"]) -> Float[Array, "B 2"]:
     """Vectors rotated to the left by `angle` [rad]."""
     cos, sin, (x, y) = jnp.cos(angle), jnp.sin(angle), (vectors[:, 0], vectors[:, 1])
     return jnp.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

@@ -18,7 +18,7 @@ from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.jobs.discovery_subject import subject_of
-from app.perception.body.resample_to_count import recounted
+from app.perception.body.resample_to_count import resample_to
 from app.recording.library.recording_index import counted_once
 from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
@@ -64,7 +64,7 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
         if bare is not None:
             tables[number] = bare
     if not pushes:
-        raise RecordingError(f"{_listed(paths)}: no finished push to learn from; record some with `dipac run {name}`.")
+        raise RecordingError(f"{_list(paths)}: no finished push to learn from; record some with `dipac run {name}`.")
     study = Study(task=name, pushes=tuple(pushes), tables=tables, setup=setup)
     if setup is not None and setup.camera_m is not None:
         return replace(study, camera=setup.camera_m)
@@ -72,7 +72,7 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     return study if camera is None else replace(study, camera=camera)
 
 
-def _imported(config: str) -> dict[str, Any]:
+def _import(config: str) -> dict[str, Any]:
     """Notes that an import made, an object of JSON; of what else began an episode, nothing."""
     try:
         found: Any = json.loads(config)
@@ -85,7 +85,7 @@ def _setup_of(episodes: Sequence["_Recorded"]) -> MeasuredSetup | None:
     """Setup of imported recordings: the first's, with the flaws of all."""
     setups = list[MeasuredSetup]()
     for episode in episodes:
-        config = _imported(episode.episode.config)
+        config = _import(episode.episode.config)
         if KEY in config:
             setups.append(msgspec.convert(config[KEY], MeasuredSetup))
     if not setups:
@@ -172,13 +172,13 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
     def view(time_s: float, points: Points) -> ProjectionView:
         sighting = episode.sightings.get(time_s)
         finger = sighting.tool if sighting is not None and len(sighting.tool) else None
-        return ProjectionView(time_s=time_s, points=_counted(points, count, episode.path), finger=finger)
+        return ProjectionView(time_s=time_s, points=_count(points, count, episode.path), finger=finger)
 
     return Push(
         episode=number,
-        before=view(_seen_s(before, transition.cause, episode, float(executed.times_s[0])), before),
+        before=view(_time_of_seen_s(before, transition.cause, episode, float(executed.times_s[0])), before),
         during=tuple(view(seen.time_s, seen.positions) for seen in _during(episode, executed, subject.low_m)),
-        after=view(_seen_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
+        after=view(_time_of_seen_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
         command=Track(times_s=executed.times_s, poses=executed.commanded),
         measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
     )
@@ -190,7 +190,7 @@ def _during(episode: _Recorded, executed: Executed, low_m: float) -> list[Partic
     return [seen for seen in episode.particles if len(low) and low[0] < seen.time_s < low[-1]]
 
 
-def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
+def _time_of_seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
     """Time of the observation that a transition was made of; the motion's own time if that is not known."""
     same = [seen for seen in episode.particles if np.array_equal(seen.positions, points)]
     named = [seen for seen in same if seen.id in cause]
@@ -199,9 +199,9 @@ def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, ot
     return min(times, key=lambda time_s: abs(time_s - otherwise_s), default=otherwise_s)
 
 
-def _counted(points: Points, count: int, path: Path) -> Points:
+def _count(points: Points, count: int, path: Path) -> Points:
     try:
-        return recounted(points, count)
+        return resample_to(points, count)
     except ValueError as error:
         raise RecordingError(f"{path}: a cloud cannot be compared with the simulation: {error}") from None
 
@@ -237,5 +237,5 @@ def _camera(paths: Sequence[Path]) -> tuple[float, float, float] | None:
     return None
 
 
-def _listed(paths: Sequence[Path]) -> str:
+def _list(paths: Sequence[Path]) -> str:
     return ", ".join(map(str, paths))

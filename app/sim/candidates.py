@@ -19,7 +19,7 @@ def are_finite(*tree: Any) -> Bool[jax.Array, " B"]:
 
 def where_finite(finite: Bool[jax.Array, " B"], tree: TreeT) -> TreeT:
     """`tree` with NaN in every number of a candidate that is not finite."""
-    return jax.tree.map(partial(_masked, finite), tree)
+    return jax.tree.map(partial(_mask, finite), tree)
 
 
 def as_float32(leaf: jax.Array) -> jax.Array:
@@ -28,5 +28,5 @@ def as_float32(leaf: jax.Array) -> jax.Array:
 
 
 @partial(jax.jit, inline=True)
-def _masked(finite: jax.Array, leaf: jax.Array) -> jax.Array:
+def _mask(finite: jax.Array, leaf: jax.Array) -> jax.Array:
     return jnp.where(finite.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, jnp.nan)

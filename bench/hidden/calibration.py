@@ -29,7 +29,15 @@ from threadpoolctl import threadpool_limits
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, features
-from app.discovery.inference.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
+from app.discovery.inference.decide import (
+    NAMED,
+    extended,
+    further,
+    held_out_gain,
+    held_out_gain_of_linear,
+    is_sized,
+    refitted,
+)
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.residuals.forces import FORMULA
@@ -128,8 +136,8 @@ def _refit_of(
     found = {
         "linear": round(suspect.finding.log_bayes, 2),
         "log_bayes": round(model.log_evidence - screening.weighing.log_evidence, 2),
-        "held_out": np.round(held_out((screening.data, screening.prior), model), 3).tolist(),
-        "held_out_of_linear": np.round(held_out_of_linear(screening, suspect), 3).tolist(),
+        "held_out": np.round(held_out_gain((screening.data, screening.prior), model), 3).tolist(),
+        "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect), 3).tolist(),
         "sized": is_sized(predictor.catalogue, model),
         "trust": model.trust,
     }
@@ -150,7 +158,7 @@ def _further_of(
         "cause": suspects[0].cause,
         "linear": round(suspects[0].finding.log_bayes, 2),
         "log_bayes": round(both.log_evidence - model.log_evidence, 2),
-        "held_out": np.round(held_out((model.data, model.prior), both), 3).tolist(),
+        "held_out": np.round(held_out_gain((model.data, model.prior), both), 3).tolist(),
     }
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.discovery import sensor_actuator_errors
-from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, See, Values
 
@@ -55,7 +55,7 @@ def _seen(study: Study, see: See, values: Values) -> Study:
         return see(points.astype(np.float64), Eye(position, middle), values).astype(np.float32)
 
     def view(at: ProjectionView) -> ProjectionView:
-        middle = labelled([at.points])[1][0].astype(np.float64)
+        middle = label_particles([at.points])[1][0].astype(np.float64)
         finger = None if at.finger is None else shown(at.finger)
         return replace(at, points=shown(at.points, middle), finger=finger)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import described
+from app.rig.simulated.effect_sampling import describe
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.recorded import write
@@ -37,7 +37,7 @@ def make(order: Mapping[str, Any], folder: Path) -> None:
         task, effects, study = own.task, own.world.effects, own.record()
     else:
         other = RopeCase(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
-        task, effects, study = other.task, described(other.injected), other.record()
+        task, effects, study = other.task, describe(other.injected), other.record()
     write(study, folder / "recordings")
     truth = {
         "effects": effects,

@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.inference.refine import refine, started
+from app.discovery.inference.refine import refine, start_of
 from app.discovery.inference.screen import refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
-from app.discovery.results.gain import gained
+from app.discovery.results.gain import measure_gain
 from app.jobs.discovery_subject import subject_of
 from app.services.study import read_study
 from app.tasks import load
@@ -42,8 +42,8 @@ def errors_mm(recordings: Sequence[Path], causes: Sequence[str], dynamics: Dynam
     screening = screen(predictor, trials, refit(predictor, trials), only=causes)
     trials = trials.turned(screening.ends)
     suspects = [suspect for suspect in screening.suspects if suspect.cause in causes]
-    starts = [(suspect.cause, started(predictor.catalogue, screening.about, suspect)) for suspect in suspects]
-    gain = gained(predictor, trials, screening, refine(predictor, trials, screening, starts)).gain
+    starts = [(suspect.cause, start_of(predictor.catalogue, screening.about, suspect)) for suspect in suspects]
+    gain = measure_gain(predictor, trials, screening, refine(predictor, trials, screening, starts)).gain
     return {"nominal": gain.nominal_mm, "extended": gain.extended_mm}
 
 

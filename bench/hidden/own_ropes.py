@@ -26,7 +26,7 @@ from app.discovery.residuals.steppers import contact_of
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import laid
+from app.rig.simulated.push_session import lay_out
 from app.rig.simulated.worlds.physics import Centreline
 from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
@@ -114,7 +114,7 @@ class OwnRope:
         for number in range(total):
             episode, push = divmod(number, self.plan.pushes)
             if push == 0:
-                rod.lay(laid(self.task.start(starts[episode]), ends))
+                rod.lay(lay_out(self.task.start(starts[episode]), ends))
             before = rod.line()
             move = move_of(rng, predictor, self.plan, before.astype(np.float32), self.world.theta, now_s)
             session = number / max(total - 1, 1) - 0.5

@@ -25,7 +25,7 @@ from app.core.geometry.track import Track
 from app.core.messages import Model
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points
-from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, prepare
@@ -33,7 +33,7 @@ from app.discovery.sensor_actuator_errors.base import Eye
 from app.jobs import jit_cache
 from app.jobs.apparatus_compensation import correction
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import estimated, extended_model
+from app.jobs.extended import estimates_of, extended_model
 from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
@@ -125,7 +125,7 @@ def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[
 def truth_of(theta: Theta) -> Model:
     """The model that knows the world but for its numerics."""
     known = catalogue()
-    values, covariance = estimated(known, known.nominal(subject_of(load(_TASK))), theta, (), np.zeros((0, 0)))
+    values, covariance = estimates_of(known, known.nominal(subject_of(load(_TASK))), theta, (), np.zeros((0, 0)))
     return extended_model(
         _TASK,
         values,
@@ -139,7 +139,7 @@ def truth_of(theta: Theta) -> Model:
 
 
 def _eye(points: Points) -> Eye:
-    return Eye(np.asarray(CAMERA_M), labelled([points])[1][0].astype(np.float64))
+    return Eye(np.asarray(CAMERA_M), label_particles([points])[1][0].astype(np.float64))
 
 
 def _track(motion: Motion) -> Track:

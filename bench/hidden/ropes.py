@@ -19,7 +19,7 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.perception.body.resample import resample
 from app.policy.random_pushes import REGION, PushDesign
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistuned
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot, rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -69,7 +69,7 @@ class RopeCase:
     @property
     def physics(self) -> WorldPhysics:
         """The world's: frictions off by up to 30 %, a rigidity in proportion to the fourth power of the radius."""
-        task, made = self.task, mistuned(self.seed, self.world)
+        task, made = self.task, mistune(self.seed, self.world)
         rng = np.random.default_rng([self.seed, _SIZES, 1])
         segment_m = task.rope.length_m / made.rope.segments
         assert task.rods is not None

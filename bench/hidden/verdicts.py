@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from app.commands._named import full_name
 from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
-from app.discovery.pipeline import Stages, judged
+from app.discovery.pipeline import Stages, judge
 from app.discovery.results.case import Estimate, Name
 from app.discovery.results.verdict import estimates_of, verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce
@@ -48,7 +48,7 @@ def verdict(recordings: Sequence[Path]) -> Verdict:
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def verdict_on(study: Study, subject: Subject, about: Theta | None = None) -> Verdict:
     """The same of a study and the simulator that is doubted; `about`: see `judged`."""
-    found = judged(study, subject, Stages(lambda _: None), about)
+    found = judge(study, subject, Stages(lambda _: None), about)
     decision, known = found.decision, found.predictor.catalogue
     kind, causes = verdict_of(decision, found.limits, _NOT_LOOKED_FOR)
     sizes = {model.causes[0]: estimates_of(known, subject, model, model.causes[0]) for model in decision.singles}

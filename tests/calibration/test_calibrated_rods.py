@@ -13,7 +13,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
 from app.jobs import jit_cache
-from app.jobs.jit_cache import Calibrated, calibrated, calibrated_from_recordings, phi_of
+from app.jobs.jit_cache import Calibrated, calibrate_model, calibrated_from_recordings, phi_of
 from app.jobs.worker_api import check_model, ends_of_ranges, nominal_model, planner_needs, update
 from app.sim.model.params import index
 from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
@@ -134,13 +134,15 @@ def test_its_fit_begins_where_the_model_did() -> None:
 
 
 def test_a_stiff_model_that_is_fitted_again_keeps_its_interval() -> None:
-    again = calibrated(TASK.name, "cpu", stiff_transitions(), stiff().model, FitSettings(probes=24)).model.parameters[0]
+    again = calibrate_model(
+        TASK.name, "cpu", stiff_transitions(), stiff().model, FitSettings(probes=24)
+    ).model.parameters[0]
     assert again.value == pytest.approx(STIFF.stiffness, rel=0.4)
     assert again.low <= STIFF.stiffness <= again.high < STIFFEST_PA
 
 
 def test_a_limp_rope_is_found_from_a_stiff_model() -> None:
-    found = calibrated(TASK.name, "cpu", transitions(), stiff().model, FitSettings()).model.parameters[0]
+    found = calibrate_model(TASK.name, "cpu", transitions(), stiff().model, FitSettings()).model.parameters[0]
     assert found.value < TASK.parameters(stiff=False)[0].high
     assert found.value == pytest.approx(hidden().truth.stiffness, rel=0.4)
 
@@ -153,7 +155,7 @@ def test_a_model_in_use_keeps_its_simulator() -> None:
 
 
 def test_an_interval_as_wide_as_a_simulator_goes_is_not_cut_there() -> None:
-    one = calibrated(TASK.name, "cpu", transitions()[:1], nominal_model(TASK.name), FitSettings(steps=1)).model
+    one = calibrate_model(TASK.name, "cpu", transitions()[:1], nominal_model(TASK.name), FitSettings(steps=1)).model
     assert one.parameters[0].high == pytest.approx(STIFFEST_PA)
     assert learnt().parameters[0].high < TASK.parameters(stiff=False)[0].high
 

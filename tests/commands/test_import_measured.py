@@ -12,11 +12,11 @@ from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.geometry.scene_description import Finger
 from app.discovery.checks.limits import limits_of
-from app.discovery.checks.placement import centred, reach_m
+from app.discovery.checks.placement import centre, reach_m
 from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
-from app.discovery.residuals.displacement_field import Basis, registered
+from app.discovery.residuals.displacement_field import Basis, register
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import Step
 from app.discovery.results.verdict import estimates_of
@@ -46,7 +46,7 @@ def imported(folder: Path, arrays: dict[str, Any], name: str = "measured") -> St
 def ready(study: Study) -> tuple[Predictor, SimulationBatch, Subject]:
     """Predictor, trials and model under test, as at the start of a discovery."""
     subject = subject_of(load(f"{study.task}@rods"), study.setup)
-    here = centred(study, subject)
+    here = centre(study, subject)
     known = catalogue(subject.rods, origin_m=here.origin_m, reach_m=reach_m(here, subject))
     return Predictor(subject, known), prepare(here, subject), subject
 
@@ -56,7 +56,7 @@ def errors_mm(study: Study) -> np.ndarray:
     predictor, trials, subject = ready(study)
     after = predictor(trials, [predictor.catalogue.nominal(subject)]).after[0]
     fields = [
-        registered(predicted, observed, Basis.along(predicted, labels[:, 0]))
+        register(predicted, observed, Basis.along(predicted, labels[:, 0]))
         for predicted, observed, labels in zip(after, trials.observed.after, trials.labels, strict=True)
     ]
     return 1e3 * np.linalg.norm(fields, axis=1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.goal_shapes import along, gathered, moved
+from app.core.goal_shapes import along, gather, transform
 from app.core.types import Points
 
 LENGTH_M, RADIUS_M = 0.4, 0.008
@@ -17,7 +17,7 @@ def rope(count: int = 300, bend_1_m: float = 0.0, radius_m: float = RADIUS_M) ->
     along_m = rng.uniform(-LENGTH_M / 2, LENGTH_M / 2, count)
     off = rng.uniform(-radius_m, radius_m, (count, 2)) * 0.7
     straight = np.column_stack([0.5 + off[:, 0], along_m, RADIUS_M + off[:, 1]]).astype(np.float32)
-    return moved(straight, to=np.array([0.5, 0.0]), turn_rad=0.3, bend_1_m=bend_1_m)
+    return transform(straight, to=np.array([0.5, 0.0]), turn_rad=0.3, bend_1_m=bend_1_m)
 
 
 def pairwise(points: np.ndarray) -> np.ndarray:
@@ -27,7 +27,7 @@ def pairwise(points: np.ndarray) -> np.ndarray:
 @given(st.floats(0.3, 0.8), st.floats(-0.3, 0.3), st.floats(-6, 6))
 def test_a_copy_that_is_not_bent_keeps_every_distance(x: float, y: float, turn_rad: float) -> None:
     before = rope(60)
-    after = moved(before, to=np.array([x, y]), turn_rad=turn_rad, bend_1_m=0.0)
+    after = transform(before, to=np.array([x, y]), turn_rad=turn_rad, bend_1_m=0.0)
     np.testing.assert_allclose(pairwise(after), pairwise(before), atol=1e-5)
     np.testing.assert_allclose(after[:, :2].mean(0), [x, y], atol=1e-5)
 
@@ -35,7 +35,7 @@ def test_a_copy_that_is_not_bent_keeps_every_distance(x: float, y: float, turn_r
 @pytest.mark.parametrize("bend_1_m", [-6.0, 2.0, 8.0])
 def test_a_bent_copy_has_the_curvature_that_was_asked_for_and_its_length(bend_1_m: float) -> None:
     before = rope(2000, radius_m=0.001)
-    after = moved(before, to=np.array([0.5, 0.0]), turn_rad=0.0, bend_1_m=bend_1_m)
+    after = transform(before, to=np.array([0.5, 0.0]), turn_rad=0.0, bend_1_m=bend_1_m)
     # The circle through a bent rope: x^2 + y^2 = 2 a x + 2 b y + c.
     flat = after[:, :2].astype(float)
     a, b, c = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(flat))]), (flat**2).sum(1), rcond=None)[0]
@@ -70,7 +70,7 @@ def test_a_curve_whose_points_are_doubled_is_the_same_curve() -> None:
 @given(st.integers(2, 400), st.floats(0.01, 0.2))
 def test_what_is_gathered_is_within_the_region_and_evenly_spread(count: int, radius_m: float) -> None:
     object_ = np.column_stack([np.zeros(count), np.zeros(count), np.linspace(0, 0.02, count)]).astype(np.float32)
-    disc = gathered(object_, middle=np.array([0.5, -0.1]), radius_m=radius_m)
+    disc = gather(object_, middle=np.array([0.5, -0.1]), radius_m=radius_m)
     away = np.linalg.norm(disc[:, :2] - [0.5, -0.1], axis=1)
     assert away.max() <= radius_m * (1 + 1e-4)
     inner = np.count_nonzero(away < radius_m / np.sqrt(2))

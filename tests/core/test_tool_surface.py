@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.geometry.tool_surface import ToolView, fitted_tool, middle_of
+from app.core.geometry.tool_surface import ToolView, fit_tool, middle_of
 
 NOISE_M = 1e-3
 
@@ -22,7 +22,7 @@ def views(radius_m: float, seen_rad: float, beside_m: tuple[float, float] = (0.0
 @pytest.mark.parametrize("radius_m", [0.005, 0.009, 0.012])
 @pytest.mark.parametrize("seen_rad", [2 * np.pi, np.pi, 2 * np.pi / 3])
 def test_the_radius_is_found_from_a_third_of_the_circle(radius_m: float, seen_rad: float) -> None:
-    found = fitted_tool(views(radius_m, seen_rad))
+    found = fit_tool(views(radius_m, seen_rad))
     assert found is not None
     assert not found.flat
     assert found.radius_m == pytest.approx(radius_m, abs=4e-4)
@@ -35,7 +35,7 @@ def test_the_middle_is_found_and_not_the_mean_of_what_is_seen(seen_rad: float) -
     middles = [found - view.tip[:2] for view in seen if (found := middle_of(view, 0.009)) is not None]
     assert len(middles) == len(seen)
     assert np.mean(middles, 0) == pytest.approx(beside, abs=5e-4)
-    fit = fitted_tool(seen)
+    fit = fit_tool(seen)
     assert fit is not None
     assert fit.beside_m == pytest.approx(beside, abs=7e-4)
 
@@ -44,7 +44,7 @@ def test_the_middle_is_found_and_not_the_mean_of_what_is_seen(seen_rad: float) -
 def test_points_about_the_tip_are_no_surface(flat: bool | None) -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(0, NOISE_M, (60, 3)).astype(np.float32)
-    assert fitted_tool([ToolView(points=points, tip=np.zeros(3))] * 6, flat=flat) is None
+    assert fit_tool([ToolView(points=points, tip=np.zeros(3))] * 6, flat=flat) is None
 
 
 def test_one_face_alone_does_not_say_how_thick_a_tool_is() -> None:
@@ -54,12 +54,12 @@ def test_one_face_alone_does_not_say_how_thick_a_tool_is() -> None:
         ToolView(points=(face + rng.normal(0, NOISE_M, face.shape)).astype(np.float32), tip=np.zeros(3))
         for _ in range(10)
     ]
-    found = fitted_tool(seen)
+    found = fit_tool(seen)
     assert found is None or found.radius_m is None
 
 
 def test_too_few_points_say_nothing() -> None:
     few = ToolView(points=np.zeros((3, 3), np.float32), tip=np.zeros(3))
-    assert fitted_tool([few]) is None
-    assert fitted_tool([]) is None
+    assert fit_tool([few]) is None
+    assert fit_tool([]) is None
     assert middle_of(few, 0.009) is None

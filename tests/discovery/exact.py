@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from app.discovery.dataset.model_under_test import Catalogue, Subject
-from app.discovery.inference.mixed_effects import fitted
+from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.refine import RefinedModel, own_steps
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.rows import Block, Residuals
@@ -38,7 +38,7 @@ def exact_model(
         own=count,
         data=data,
         prior=prior,
-        fit=fitted(data, prior.variance),
+        fit=fit_mixed_effects(data, prior.variance),
         log_evidence=0.0,
         temper=1.0,
     )

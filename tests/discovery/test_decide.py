@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.inference.decide import held_out_of_linear, is_earned, trimmed
+from app.discovery.inference.decide import held_out_gain_of_linear, is_earned, trimmed_mean
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
 from tests.discovery.made_up import ALL, K, R, screening
@@ -22,27 +22,27 @@ def with_cause(size: float) -> tuple[Screening, CandidateCause]:
 
 @pytest.mark.parametrize("size", [-0.6, 0.6])
 def test_a_weak_cause_makes_left_out_episodes_more_likely(size: float) -> None:
-    held = held_out_of_linear(*with_cause(size))
+    held = held_out_gain_of_linear(*with_cause(size))
     assert held.gain > 0
     assert is_earned(held)
 
 
 def test_a_cause_that_is_absent_does_not() -> None:
-    assert not is_earned(held_out_of_linear(*with_cause(0.0)))
+    assert not is_earned(held_out_gain_of_linear(*with_cause(0.0)))
 
 
 def test_a_cause_that_moves_nothing_does_not() -> None:
     found, suspect = with_cause(0.4)
     slopes = found.data.J.copy()
     slopes[:, :, 1] = 0.0
-    assert not is_earned(held_out_of_linear(replace(found, data=replace(found.data, J=slopes)), suspect))
+    assert not is_earned(held_out_gain_of_linear(replace(found, data=replace(found.data, J=slopes)), suspect))
 
 
 @pytest.mark.parametrize("count", [5, 10, 20])
 def test_where_nothing_is_gained_a_gain_is_earned_as_rarely_as_by_two_standard_errors(count: int) -> None:
     gains = np.random.default_rng(count).normal(size=(4000, count))
     plain = gains.mean(1) > 2 * gains.std(1, ddof=1) / np.sqrt(count)
-    earned = [is_earned(trimmed(each)) for each in gains]
+    earned = [is_earned(trimmed_mean(each)) for each in gains]
     assert np.mean(earned) == pytest.approx(np.mean(plain), abs=0.015)
 
 
@@ -50,8 +50,8 @@ def test_where_nothing_is_gained_a_gain_is_earned_as_rarely_as_by_two_standard_e
 def test_one_episode_that_ends_otherwise_does_not_outweigh_nine(outlier: float) -> None:
     gains = np.append(np.random.default_rng(0).normal(8.0, 3.0, 9), outlier)
     assert gains.mean() < 2 * gains.std(ddof=1) / np.sqrt(10)  # By two standard errors of the mean it would.
-    assert is_earned(trimmed(gains))
+    assert is_earned(trimmed_mean(gains))
 
 
 def test_one_episode_earns_nothing() -> None:
-    assert not is_earned(trimmed(np.array([80.0])))
+    assert not is_earned(trimmed_mean(np.array([80.0])))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, registered
+from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, register
 from app.perception.body.resample import resample
 
 N = 300
@@ -37,7 +37,7 @@ def test_a_smooth_displacement_is_found_between_clouds_of_other_points(size_m: f
     observed = resample(displaced(body, place, true), N, seed=seed)
     predicted = resample(rope(3000, 20 + seed)[0], N, seed=seed)
     basis = Basis.along(predicted, ((predicted[:, 0] - 0.5) / 0.2).astype(np.float32))
-    found = registered(predicted, observed, basis)
+    found = register(predicted, observed, basis)
     across, along = np.split(found - true, 2)
     assert np.linalg.norm(across) < 0.0006 + 0.1 * size_m
     assert np.linalg.norm(along) < 0.004 + 0.1 * size_m  # Only ends and density tell of it.
@@ -62,6 +62,6 @@ def test_modes_are_a_metre_in_the_mean_and_at_right_angles() -> None:
 def test_amplitudes_along_an_object_that_is_called_the_other_way_round_differ_in_their_signs_alone() -> None:
     predicted, place = rope(N, 3)
     observed = displaced(*rope(N, 4), 0.003 * np.random.default_rng(5).normal(size=2 * MODES))
-    straight, reversed_ = (registered(predicted, observed, Basis.along(predicted, way * place)) for way in (1, -1))
+    straight, reversed_ = (register(predicted, observed, Basis.along(predicted, way * place)) for way in (1, -1))
     assert np.abs(straight[: MODES // 2]).min() > 1e-5  # Else any sign would do.
     np.testing.assert_allclose(reversed_, REVERSED[: 2 * MODES] * straight, atol=1e-7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.inference.ends import found_ends, turned
+from app.discovery.inference.ends import find_ends, turn_rows
 from app.discovery.inference.screen import steps_of
 from app.discovery.residuals.predict import Predictor, prepare
 from app.discovery.residuals.rows import Residuals
@@ -34,13 +34,13 @@ def laid(seed: int, size: float) -> tuple[Residuals, np.ndarray]:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_way_round_of_every_episode_is_found_but_for_which_of_both_is_which(seed: int) -> None:
     data, signs = laid(seed, 0.9)
-    found = np.array(list(found_ends(data, PRIOR, [ODD]).values()))
+    found = np.array(list(find_ends(data, PRIOR, [ODD]).values()))
     assert abs(found @ signs) == len(signs)
 
 
 def test_what_cancels_over_episodes_is_evident_once_they_are_turned() -> None:
     data, _ = laid(0, 0.9)
-    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+    straight = turn_rows(data, find_ends(data, PRIOR, [ODD]), [ODD])
     before, after = (weighed(each).findings[ODD - 2] for each in (data, straight))
     assert after.log_bayes > before.log_bayes + 10
     assert abs(after.mean[0]) == pytest.approx(0.9, abs=0.2)
@@ -50,7 +50,7 @@ def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs()
     gains = list[float]()
     for seed in range(10):
         data, signs = laid(seed, 0.0)
-        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+        straight = turn_rows(data, find_ends(data, PRIOR, [ODD]), [ODD])
         cost = (len(signs) - 1) * np.log(2)
         gains.append(weighed(straight).findings[ODD - 2].log_bayes - cost)
     assert max(gains) < 0
@@ -58,7 +58,7 @@ def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs()
 
 def test_without_such_parameters_nothing_is_turned() -> None:
     data, _ = laid(0, 0.9)
-    assert set(found_ends(data, PRIOR, []).values()) == {1.0}
+    assert set(find_ends(data, PRIOR, []).values()) == {1.0}
 
 
 def test_pushes_of_a_rope_that_is_called_the_other_way_round_are_the_same_pushes() -> None:
@@ -73,7 +73,7 @@ def test_pushes_of_a_rope_that_is_called_the_other_way_round_are_the_same_pushes
     odd_columns = {column for cause in predictor.catalogue.causes for column in cause.odd}
     odd, ends = [n for n, step in enumerate(steps) if step.column in odd_columns], {0: -1.0, 1: 1.0}
     first, again = (residuals(predictor, each, about, steps, starts=2) for each in (trials, trials.turned(ends)))
-    expected = turned(first, ends, odd)
+    expected = turn_rows(first, ends, odd)
     assert 0 < len(odd) < len(steps)
     assert np.abs(first.r - again.r).max() > 1e-3  # It asks something.
     for name in ("r", "J"):

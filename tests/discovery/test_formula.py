@@ -13,9 +13,9 @@ from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.verdict import verdict_of
-from app.discovery.unexplained.formula import UnexplainedForce, opened
+from app.discovery.unexplained.formula import UnexplainedForce, fit_unexplained_force
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import estimated, extended_model
+from app.jobs.extended import estimates_of, extended_model
 from app.jobs.jit_cache import phi_of
 from app.jobs.worker_api import check_model
 from app.policy.random_pushes import PushDesign
@@ -56,7 +56,7 @@ def decided(name: str) -> tuple[SimulationBatch, Screening, ModelSelection, Unex
     trials = prepare(studies()[name], SUBJECT)
     screening = screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=("table_tilt",))
     decision = decide(PREDICTOR, trials, screening, lambda _: None)
-    return trials, screening, decision, opened(PREDICTOR, trials, screening, decision, lambda _: None)
+    return trials, screening, decision, fit_unexplained_force(PREDICTOR, trials, screening, decision, lambda _: None)
 
 
 def test_what_no_cause_of_the_catalogue_explains_is_none_of_these() -> None:
@@ -89,7 +89,7 @@ def saved() -> Model:
     assert found is not None
     model = found.model
     steps = model.steps[: model.own]
-    values, covariance = estimated(CATALOGUE, CATALOGUE.nominal(SUBJECT), model.estimate, steps, model.covariance)
+    values, covariance = estimates_of(CATALOGUE, CATALOGUE.nominal(SUBJECT), model.estimate, steps, model.covariance)
     return extended_model(
         "rope_push",
         values,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.inference.mixed_effects import fitted
+from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.weighing import CALIBRATED, ModelComparison, Prior, dispersion, weigh
 from app.discovery.residuals.rows import Block, Residuals
 
@@ -65,13 +65,13 @@ def test_where_nothing_is_missing_evidence_is_against_everything() -> None:
 def test_pushes_that_nothing_predicts_change_little() -> None:
     theta = np.zeros(P)
     theta[5] = 1.0
-    clean, wild = (fitted(made(3, theta, outliers=share), VARIANCE).theta for share in (0.0, 0.2))
+    clean, wild = (fit_mixed_effects(made(3, theta, outliers=share), VARIANCE).theta for share in (0.0, 0.2))
     np.testing.assert_allclose(wild, clean, atol=0.05)
 
 
 def test_episodes_that_hang_together_temper_the_evidence() -> None:
-    alone = dispersion(fitted(made(1, np.zeros(P)), VARIANCE), [0, 1])
-    together = dispersion(fitted(made(1, np.zeros(P), common=1.0), VARIANCE), [0, 1])
+    alone = dispersion(fit_mixed_effects(made(1, np.zeros(P)), VARIANCE), [0, 1])
+    together = dispersion(fit_mixed_effects(made(1, np.zeros(P), common=1.0), VARIANCE), [0, 1])
     assert alone < 2.0
     assert together > 3 * alone
 
@@ -81,7 +81,7 @@ def test_a_push_whose_end_depends_on_its_start_counts_less() -> None:
     spread = np.zeros((K, R, R))
     spread[:6] = 0.02 * np.eye(R)
     chaotic = replace(data, spread=spread)
-    share = [fitted(each, VARIANCE).forms.A[0].trace() for each in (data, chaotic)]
+    share = [fit_mixed_effects(each, VARIANCE).forms.A[0].trace() for each in (data, chaotic)]
     assert share[1] < 0.1 * share[0]
 
 
@@ -92,7 +92,9 @@ def test_a_push_counts_less_only_where_its_end_depends_on_its_start() -> None:
     spread = np.zeros((K, R, R // 2))
     spread[:, : R // 2] = 0.02 * np.eye(R // 2)
     blind = replace(data, J=J, known=np.arange(R) >= np.full((K, 1), R // 2))
-    share = [fitted(each, VARIANCE).forms.A.sum(0).trace() for each in (blind, replace(data, J=J, spread=spread))]
+    share = [
+        fit_mixed_effects(each, VARIANCE).forms.A.sum(0).trace() for each in (blind, replace(data, J=J, spread=spread))
+    ]
     assert share[1] == pytest.approx(share[0], rel=0.15)
 
 
@@ -105,7 +107,7 @@ def test_where_each_push_errs_by_itself_estimates_scatter_as_much_as_they_say() 
         slopes = erring * np.random.default_rng(1000 + seed).normal(size=(K, P))
         data = replace(data, r=data.r + (J @ slopes[:, :, None])[:, :, 0], J=J)
         each = [replace(data, spread=erring * J), replace(data, spread=np.zeros((K, R, 1)))]
-        fits = [fitted(of, np.full(P, CALIBRATED**2)) for of in each]
+        fits = [fit_mixed_effects(of, np.full(P, CALIBRATED**2)) for of in each]
         wrong.append(np.array([fit.theta / np.sqrt(np.diag(np.linalg.inv(fit.forms.A.sum(0)))) for fit in fits]))
     told, untold = np.sqrt((np.array(wrong) ** 2).mean((0, 2)))
     assert told == pytest.approx(1.0, abs=0.25)
@@ -118,7 +120,7 @@ def test_an_effect_in_rows_measured_directly_is_not_taken_for_their_noise(size: 
     theta[5] = size
     quiet = made(7, theta)
     exact = replace(quiet, r=quiet.J @ theta, blocks=(Block(slice(0, R), 1e-4),))
-    assert fitted(exact, VARIANCE + np.eye(P)[5]).theta[5] == pytest.approx(size, rel=0.02)
+    assert fit_mixed_effects(exact, VARIANCE + np.eye(P)[5]).theta[5] == pytest.approx(size, rel=0.02)
     assert np.argmax(log_bayes(exact)) == 5 - 2
 
 
@@ -129,4 +131,4 @@ def test_what_was_not_seen_counts_for_nothing() -> None:
     known = data.known.copy()
     known[::2, : R // 2] = False
     hidden = replace(data, r=np.where(known, data.r, 1e3), known=known)
-    np.testing.assert_allclose(fitted(hidden, VARIANCE).theta[5], 1.0, atol=0.1)
+    np.testing.assert_allclose(fit_mixed_effects(hidden, VARIANCE).theta[5], 1.0, atol=0.1)

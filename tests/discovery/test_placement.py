@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.measured_setup import FoundTable
-from app.discovery.checks.placement import centred, moved_back, reach_m
+from app.discovery.checks.placement import centre, move_back, reach_m
 from app.discovery.dataset.model_under_test import REACH_M, setup_of
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.jobs.discovery_subject import subject_of
@@ -34,25 +34,25 @@ def elsewhere() -> Study:
 
 
 def test_a_study_on_the_tasks_table_stays_where_it_is() -> None:
-    assert centred(GOOD, SUBJECT) is GOOD
+    assert centre(GOOD, SUBJECT) is GOOD
     assert reach_m(GOOD, SUBJECT) == REACH_M
 
 
 def test_one_elsewhere_is_moved_to_the_middle_and_not_turned() -> None:
     far = elsewhere()
-    here = centred(far, SUBJECT)
+    here = centre(far, SUBJECT)
     shift = np.array([*here.origin_m, 0.0])
     for one, other in zip(far.pushes, here.pushes, strict=True):
         np.testing.assert_allclose(other.before.points + shift, one.before.points, atol=1e-6)
         np.testing.assert_allclose(other.command.positions + shift, one.command.positions, atol=1e-9)
     mean = np.concatenate([push.before.points for push in here.pushes]).mean(0)[:2]
     assert mean == pytest.approx([0.55, 0.0], abs=0.006)
-    assert centred(here, SUBJECT).pushes is here.pushes
+    assert centre(here, SUBJECT).pushes is here.pushes
 
 
 def test_what_is_drawn_is_moved_back(tmp_path: Path) -> None:
     case, shift = a_set(), np.array([*ORIGIN_M, 0.0])
-    told = moved_back(replace(case, setup=setup_of(subject_of(load("rope_push@rods"))), origin_m=ORIGIN_M), ORIGIN_M)
+    told = move_back(replace(case, setup=setup_of(subject_of(load("rope_push@rods"))), origin_m=ORIGIN_M), ORIGIN_M)
     np.testing.assert_allclose(told.arrows.places, case.arrows.places + shift[:2], atol=1e-6)
     for one, other in zip(case.examples, told.examples, strict=True):
         np.testing.assert_allclose(other.before, one.before + shift, atol=1e-6)
@@ -60,7 +60,7 @@ def test_what_is_drawn_is_moved_back(tmp_path: Path) -> None:
     assert case.next_push is not None
     assert told.next_push is not None
     np.testing.assert_allclose(told.next_push.track.positions, case.next_push.track.positions + shift)
-    assert moved_back(case, (0.0, 0.0)) is case
+    assert move_back(case, (0.0, 0.0)) is case
     write_report(tmp_path / "report.html", told)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Object: a rope 0.400 m long" in page

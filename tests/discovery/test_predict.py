@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import RodModel
 from app.sim.rods.scene import RodScene
 from app.tasks.elements.curves import fill_tube
@@ -26,7 +26,7 @@ def test_labels_run_along_a_rope_whose_strands_touch():
     nearest = np.linalg.norm(cloud[:, None, :2] - truth[None, :, :2], axis=-1).argmin(1)
     steps = np.linalg.norm(np.diff(truth[:, :2], axis=0), axis=1)
     true = 2 * (np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum())[nearest] - 1
-    labels = labelled([cloud], RodModel(scene=ROPE))[0][0, :, 0]
+    labels = label_particles([cloud], RodModel(scene=ROPE))[0][0, :, 0]
     assert min(np.abs(labels - true).max(), np.abs(labels + true).max()) < 0.08
-    without = labelled([cloud])[0][0, :, 0]
+    without = label_particles([cloud])[0][0, :, 0]
     assert min(np.abs(without - true).max(), np.abs(without + true).max()) > 0.5  # Else this rope would ask nothing.

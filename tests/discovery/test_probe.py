@@ -22,14 +22,14 @@ from app.discovery.experiments.probe import (
     is_named,
     is_none_left,
     stop_of,
-    weighted,
+    weigh_samples,
 )
 from app.discovery.experiments.probe_pushes import (
     Candidate,
     PushSituation,
     best_of,
     candidates_of,
-    chosen,
+    choose,
     informations,
     moving,
 )
@@ -106,9 +106,9 @@ def test_what_two_causes_share_tells_neither_from_the_other() -> None:
 def test_a_push_that_shows_nothing_gains_nothing_and_one_that_is_made_again_less_each_time() -> None:
     held = belief({"viscous_film": 0.5, "tilt": 0.1}, nothing=0.4)
     none, push = np.zeros((3, 3)), said_by(0.0, 3.0, 0.0)
-    assert weighted(held, gains_of(held, none, none)).sum() == pytest.approx(0.0)
-    first = weighted(held, gains_of(held, none, push)).sum()
-    again = weighted(held, gains_of(held, push, 2 * push)).sum()
+    assert weigh_samples(held, gains_of(held, none, none)).sum() == pytest.approx(0.0)
+    first = weigh_samples(held, gains_of(held, none, push)).sum()
+    again = weigh_samples(held, gains_of(held, push, 2 * push)).sum()
     assert first > 2 * again > 0
 
 
@@ -122,7 +122,7 @@ def test_of_a_film_and_coulomb_friction_the_other_speed_is_chosen_after_a_slow_p
     assert found.track is other.track
     assert found.between == ("viscous_film", NOTHING)
     assert "viscous film from nothing missing" in found.text
-    once = weighted(held, gains_of(held, np.zeros((3, 3)), fast)).sum()
+    once = weigh_samples(held, gains_of(held, np.zeros((3, 3)), fast)).sum()
     assert found.nats > 5 * once
 
 
@@ -196,7 +196,7 @@ def test_where_the_gate_allows_nothing_nothing_is_proposed() -> None:
         return False
 
     with pytest.raises(PlanningError, match="No push that was drawn may be made"):
-        chosen(SUBJECT, first_belief(SUBJECT), replace(table(), allowed=refused), seed=0)
+        choose(SUBJECT, first_belief(SUBJECT), replace(table(), allowed=refused), seed=0)
 
 
 def test_a_name_ends_it_but_not_in_two_episodes() -> None:

@@ -8,7 +8,14 @@ from app.discovery.inference.weighing import Prior, weigh
 from app.discovery.residuals.forces import FEATURES, parameters
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.unexplained.basis_functions import Widened
-from app.discovery.unexplained.residual_test import LEFT, ResidualTest, by_chance, leftover, projected, something_left
+from app.discovery.unexplained.residual_test import (
+    LEFT,
+    ResidualTest,
+    by_chance,
+    leftover,
+    project_onto,
+    something_left,
+)
 
 EPISODES, PUSHES, ROWS = 8, 4, 12
 NUISANCES, HABIT = 3, 0.15
@@ -68,7 +75,7 @@ def test_by_chance_is_even_where_only_chance_is() -> None:
         J = rng.normal(size=(EPISODES, 30, len(NAMES)))
         forms = forms_of(J, rng.normal(size=(EPISODES, 30)))
         prior = Prior(mean=np.zeros(len(NAMES)), variance=np.full(len(NAMES), 1e-6), nuisance=())
-        scores = projected(forms, prior, range(len(NAMES)))
+        scores = project_onto(forms, prior, range(len(NAMES)))
         groups = [[NAMES.index(name) for name in own] for own in FEATURES.values()]
         shares.append(by_chance(scores, groups, np.zeros(len(NAMES)), seed))
     assert 0.35 < np.mean(shares) < 0.65

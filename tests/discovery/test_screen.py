@@ -7,8 +7,8 @@ import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.inference.decide import NAMED, held_out, probabilities_of
-from app.discovery.inference.refine import refine, started
+from app.discovery.inference.decide import NAMED, held_out_gain, probabilities_of
+from app.discovery.inference.refine import refine, start_of
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare
 from app.jobs.discovery_subject import subject_of
@@ -84,11 +84,11 @@ def test_a_refit_keeps_the_size_of_what_was_found_and_its_evidence() -> None:
     name = "hand_eye_translation"
     found, trials = screened(name), prepare(studies()[name], SUBJECT)
     suspect = found.suspects[0]
-    start = started(CATALOGUE, found.about, suspect)
+    start = start_of(CATALOGUE, found.about, suspect)
     model = refine(PREDICTOR, trials, found, [(name, start)])
     assert model.estimate[CATALOGUE.column("hand_eye_y")] == pytest.approx(HIDDEN[name]["hand_eye_y"], rel=0.15)
     assert model.log_evidence - found.weighing.log_evidence > 0.8 * suspect.finding.log_bayes
-    kept = held_out((found.data, found.prior), model)
+    kept = held_out_gain((found.data, found.prior), model)
     assert kept.gain > 2 * kept.error
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.scene_description import Gripper, Tool
 from app.core.motion import TOOL_DOWN
-from app.perception.body.occluded_motion import carried
+from app.perception.body.occluded_motion import carry_along
 from app.tasks.bean_sweep import PADDLE
 from app.tasks.rope_push import FINGER
 from bench.unseen_pushes import pushed_rope
@@ -35,7 +35,7 @@ def test_a_flat_finger_leaves_nothing_where_it_is_and_a_finger_a_radius_beside_i
     """Points that are aside of the finger by more than `WIDTH_M` stay."""
     tool = replace(FINGER, radius_m=0.006, half_width_m=0.02, yaw_rad=yaw)
     points = grid()
-    moved = carried(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)
+    moved = carry_along(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)
     outside = np.linalg.norm(from_core(np.array([0.5, 0.02]) - moved[:, :2].astype(float), tool.half_m), axis=1)
     assert outside.min() > tool.radius_m - 0.001
     by = moved - points
@@ -48,7 +48,7 @@ def test_a_flat_finger_leaves_nothing_where_it_is_and_a_finger_a_radius_beside_i
 @pytest.mark.parametrize("tool", [FINGER, PADDLE], ids=["finger", "paddle"])
 def test_nothing_is_left_where_the_tool_is_and_all_goes_its_way(tool: Tool):
     points = grid()
-    moved = carried(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006 if tool is FINGER else 0.0215), WIDTH_M)
+    moved = carry_along(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006 if tool is FINGER else 0.0215), WIDTH_M)
     by = moved - points
     assert by[:, 1].max() > 0.03
     np.testing.assert_allclose(by[:, [0, 2]], 0.0, atol=1e-7)
@@ -61,7 +61,7 @@ def test_nothing_is_left_where_the_tool_is_and_all_goes_its_way(tool: Tool):
 
 def test_what_is_farther_aside_than_its_width_stays():
     points = grid()
-    moved = carried(points, FINGER, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)
+    moved = carry_along(points, FINGER, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)
     aside = np.abs(points[:, 0] - 0.5) > FINGER.radius_m + WIDTH_M
     np.testing.assert_array_equal(moved[aside], points[aside])
 
@@ -77,7 +77,7 @@ def test_what_is_farther_aside_than_its_width_stays():
     ids=["at rest", "lifted", "holding", "unknown"],
 )
 def test_a_tool_that_does_not_push_moves_nothing(tool: Tool, path: np.ndarray):
-    np.testing.assert_array_equal(carried(grid(), tool, path, WIDTH_M), grid())
+    np.testing.assert_array_equal(carry_along(grid(), tool, path, WIDTH_M), grid())
 
 
 @pytest.mark.parametrize("tool", [FINGER, PADDLE], ids=["finger", "paddle"])
@@ -85,8 +85,8 @@ def test_the_same_push_in_another_direction_does_the_same(tool: Tool):
     z, angle = (0.006 if tool is FINGER else 0.0215), 0.7
     turn = Rotation.from_euler("z", angle).as_matrix()
     ends = np.array([[0.5, -0.10, 0.0], [0.5, 0.02, 0.0]]) @ turn.T
-    straight = carried(grid(), tool, way((0.5, -0.10), (0.5, 0.02), z), WIDTH_M)
-    turned = carried(
+    straight = carry_along(grid(), tool, way((0.5, -0.10), (0.5, 0.02), z), WIDTH_M)
+    turned = carry_along(
         (grid() @ turn.T).astype(np.float32),
         tool,
         way((ends[0, 0], ends[0, 1]), (ends[1, 0], ends[1, 1]), z, angle),

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.types import Cloud
-from app.perception.body.resample_to_count import FEWEST, recounted
+from app.perception.body.resample_to_count import FEWEST, resample_to
 
 COUNT = 300
 
@@ -20,20 +20,20 @@ def cloud(points: int) -> Cloud:
 
 def test_a_cloud_of_the_right_size_is_left_as_it_is() -> None:
     x = cloud(COUNT)
-    assert recounted(x, COUNT) is x
+    assert resample_to(x, COUNT) is x
 
 
 @pytest.mark.parametrize("points", [FEWEST, 100, 299, 301, 5000])
 def test_particles_lie_where_the_cloud_is_and_cover_it(points: int) -> None:
     x = cloud(points)
-    particles = recounted(x, COUNT)
+    particles = resample_to(x, COUNT)
     assert particles.shape == (COUNT, 3)
     gap = np.pi * 0.12 / points  # Along the arc from point to point: a sparse cloud is known no better.
     assert KDTree(x).query(particles)[0].max() < 0.012 + 4 * gap
     assert KDTree(particles).query(x)[0].max() < 0.012 + 4 * gap
-    assert np.array_equal(particles, recounted(x, COUNT))
+    assert np.array_equal(particles, resample_to(x, COUNT))
 
 
 def test_hardly_any_points_are_refused() -> None:
     with pytest.raises(ValueError, match="too few"):
-        recounted(cloud(FEWEST - 1), COUNT)
+        resample_to(cloud(FEWEST - 1), COUNT)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.perception.body.temporal_depth_filter import JUMP_M, steadied
+from app.perception.body.temporal_depth_filter import JUMP_M, filter_depth
 from tests.perception.scene import render, two_cameras, views
 
 
@@ -28,7 +28,7 @@ def wrong(frame, truth) -> float:
 
 def test_a_missing_reading_is_the_former_one(pair):
     before, now = pair
-    steady = steadied(now, before)
+    steady = filter_depth(now, before)
     lost, filled = (now.depth == 0).mean(), (steady.depth == 0).mean()
     assert lost > 0.01
     assert filled < 0.35 * lost
@@ -37,14 +37,14 @@ def test_a_missing_reading_is_the_former_one(pair):
 def test_flying_pixels_are_fewer(tube, pair):
     before, now = pair
     truth = exact(tube)
-    assert wrong(steadied(now, before), truth) < 0.5 * wrong(now, truth)
+    assert wrong(filter_depth(now, before), truth) < 0.5 * wrong(now, truth)
 
 
 def test_where_something_moved_the_new_reading_counts(pair):
     before, now = pair
     color, depth = now.color.copy(), now.depth.copy()
     color[100:140, 100:140], depth[100:140, 100:140] = (20, 200, 20), 500
-    moved = steadied(replace(now, color=color, depth=depth), before)
+    moved = filter_depth(replace(now, color=color, depth=depth), before)
     assert (moved.depth[100:140, 100:140] == 500).all()
 
 
@@ -53,14 +53,14 @@ def test_what_stays_after_a_jump_is_believed_one_frame_later(pair):
     depth = now.depth.copy()
     depth[100:140, 100:140] = 500
     jumped = replace(now, depth=depth)
-    assert (steadied(jumped, before).depth[100:140, 100:140] == 0).mean() > 0.95
-    assert (steadied(jumped, jumped).depth[100:140, 100:140] == 500).all()
+    assert (filter_depth(jumped, before).depth[100:140, 100:140] == 0).mean() > 0.95
+    assert (filter_depth(jumped, jumped).depth[100:140, 100:140] == 500).all()
 
 
 def test_without_a_frame_before_nothing_is_changed(pair):
-    assert steadied(pair[1], None) is pair[1]
+    assert filter_depth(pair[1], None) is pair[1]
 
 
 def test_a_frame_of_another_size_is_not_asked(pair):
     before, now = pair
-    assert steadied(now, replace(before, color=before.color[::2, ::2], depth=before.depth[::2, ::2])) is now
+    assert filter_depth(now, replace(before, color=before.color[::2, ::2], depth=before.depth[::2, ::2])) is now

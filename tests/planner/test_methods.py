@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from app.core.errors import UsageError
 from app.planner.base import Planner
 from app.planner.method import ABLATIONS, PAPER, Method, planners
-from app.planner.planner_factory import made
+from app.planner.planner_factory import make_planner
 from app.planner.search.budget import SLOPE_ROLLOUTS, tree_rollouts
 from app.planner.search.cem import CemPlanner, Refit, evolve
 from app.planner.search.cost import Terms
@@ -50,7 +50,7 @@ def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_tim
     for name in ("cpu", "gpu"):
         preset = load(task).preset(name)
         sized = replace(search(), branches=preset.branches, depth=preset.depth)
-        baseline_planner = made(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
+        baseline_planner = make_planner(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
         tree = tree_rollouts(sized, preset.gradient_steps)
         assert tree <= simulated(baseline_planner) <= 3 * tree  # A population has a least size, however small the tree.
 
@@ -67,7 +67,7 @@ class Forbidden:
 
 @pytest.mark.parametrize("method", [*map(Method.named, BASELINES), Method.named(ablation="no_policy")])
 def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
-    planner = made(method, replace(search(), policy=Forbidden()), DESCENT, 1)
+    planner = make_planner(method, replace(search(), policy=Forbidden()), DESCENT, 1)
     assert isinstance(planner, TreePlanner | CemPlanner)
     tree = start(planner.search, PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI))
     assert tree.first.shape == (planner.search.branches, TASK.actions.size)
@@ -77,7 +77,8 @@ def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
 
 def test_an_ablation_leaves_out_what_it_says() -> None:
     whole, *others = (
-        made(Method.named(ablation=name), search(), DESCENT, 3) for name in (None, "no_optimisation", "no_planning")
+        make_planner(Method.named(ablation=name), search(), DESCENT, 3)
+        for name in (None, "no_optimisation", "no_planning")
     )
     assert isinstance(whole, TreePlanner)
     for planner in others:

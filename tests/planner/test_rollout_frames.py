@@ -10,7 +10,7 @@ from app.jobs import jit_cache
 from app.planner.search.cem import CemPlanner, Refit
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
-from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thinned
+from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thin_out
 from app.planner.search.tree import TreeConfig
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
 
@@ -71,6 +71,6 @@ def test_a_population_is_filmed_as_far_as_it_is_kept() -> None:
 
 def test_of_a_crowd_every_second_or_third_is_kept() -> None:
     crowd = np.arange(6000, dtype=np.float32).reshape(-1, 3)
-    assert len(thinned(crowd)) <= MOST_PARTICLES
-    assert len(thinned(crowd[:MOST_PARTICLES])) == MOST_PARTICLES
-    np.testing.assert_array_equal(thinned(crowd)[1], crowd[4])
+    assert len(thin_out(crowd)) <= MOST_PARTICLES
+    assert len(thin_out(crowd[:MOST_PARTICLES])) == MOST_PARTICLES
+    np.testing.assert_array_equal(thin_out(crowd)[1], crowd[4])

@@ -5,8 +5,8 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistuned
-from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
+from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistune
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
@@ -50,7 +50,7 @@ def test_signs_and_directions_are_drawn_both_ways() -> None:
 
 
 def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:
-    nominal, worlds = WorldPhysics(), [mistuned(seed) for seed in range(60)]
+    nominal, worlds = WorldPhysics(), [mistune(seed) for seed in range(60)]
     for off in (
         np.array([world.table_friction / nominal.table_friction for world in worlds]),
         np.array([world.finger_friction / nominal.finger_friction for world in worlds]),
@@ -58,11 +58,11 @@ def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:
     ):
         assert np.abs(off - 1).max() <= MISTUNED
         assert np.ptp(off) > MISTUNED
-    assert mistuned(5) == mistuned(5)
+    assert mistune(5) == mistune(5)
 
 
 def test_a_cable_is_as_much_off_as_a_chain_of_the_same_seed() -> None:
-    chain, cable = mistuned(5), mistuned(5, "cable")
+    chain, cable = mistune(5), mistune(5, "cable")
     assert cable.cable is not None
     nominal = ROPE_WORLDS["cable"].cable
     assert nominal is not None
@@ -76,8 +76,8 @@ def test_a_rope_of_another_size_is_of_the_same_material() -> None:
     cell = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.8, 0.2, 0.1))
     thin = Rope(length_m=0.60, radius_m=0.004, mass_kg=0.03, colour=(0.8, 0.2, 0.1))
     for nominal in ROPE_WORLDS.values():
-        assert sized(nominal, cell) == nominal
-        made, segments = sized(nominal, thin), nominal.rope.segments
+        assert with_size(nominal, cell) == nominal
+        made, segments = with_size(nominal, thin), nominal.rope.segments
         rigidity, usual = (
             physics.rope.bend_stiffness_n_m_rad * rope.length_m / segments
             for physics, rope in ((made, thin), (nominal, cell))
@@ -87,4 +87,4 @@ def test_a_rope_of_another_size_is_of_the_same_material() -> None:
         assert curvature == pytest.approx(before)
         if nominal.cable is not None and made.cable is not None:
             assert made.cable.rigidity_n_m2 == pytest.approx(nominal.cable.rigidity_n_m2 / 16)
-    assert mistuned(5, rope=cell) == mistuned(5)
+    assert mistune(5, rope=cell) == mistune(5)

@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from app.core.geometry.lens import Lens
 from app.core.motion import TOOL_DOWN
-from app.perception.calibration.se3 import moved
+from app.perception.calibration.se3 import transform_points
 from app.perception.calibration.sight import sight
 from app.perception.calibration.solve import CalibrationView, solve
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.rig.simulated.cameras.held_board import HeldBoard, painted
+from app.rig.simulated.cameras.held_board import HeldBoard, paint
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.world import Snapshot
@@ -33,14 +33,14 @@ def tool(x: float, y: float, z: float, tilt_deg: tuple[float, float, float]) -> 
 def photograph(pose: np.ndarray, rng: np.random.Generator):
     level = tool(*pose[:3], (0.0, 0.0, 0.0))
     snapshot = Snapshot(time_s=0.0, nodes=ROPE, tool=level, joints=solve_joints(level))
-    return painted(HELD, pose, CAMERA, *render(snapshot, CAMERA, rng, stage=TASK.stage), rng)
+    return paint(HELD, pose, CAMERA, *render(snapshot, CAMERA, rng, stage=TASK.stage), rng)
 
 
 def test_the_board_is_seen_where_the_gripper_has_it() -> None:
     pose = tool(0.42, 0.0, 0.22, (-20.0, 0.0, 0.0))
     color, depth = photograph(pose, np.random.default_rng(0))
     found = sight(color, HELD.board, LENS)
-    world = moved(HELD.at(pose), found.points(HELD.board))
+    world = transform_points(HELD.at(pose), found.points(HELD.board))
     camera = (world - CAMERA.T_world_camera[:3, 3]) @ CAMERA.T_world_camera[:3, :3]
     np.testing.assert_allclose(found.pixels, LENS.project(camera), atol=0.4)
     column, row = np.rint(found.pixels[5]).astype(int)
@@ -50,9 +50,9 @@ def test_the_board_is_seen_where_the_gripper_has_it() -> None:
 def test_what_is_nearer_hides_it_and_its_back_is_white() -> None:
     pose, rng = tool(0.42, 0.0, 0.22, (-20.0, 0.0, 0.0)), np.random.default_rng(0)
     color, depth = np.full((480, 640, 3), 50, np.uint8), np.full((480, 640), 100, np.uint16)
-    hidden, _ = painted(HELD, pose, CAMERA, color, depth, rng)
+    hidden, _ = paint(HELD, pose, CAMERA, color, depth, rng)
     assert (hidden == 50).all()
-    behind, _ = painted(HELD, tool(0.42, 0.0, 0.22, (160.0, 0.0, 0.0)), CAMERA, color, depth * 0, rng)
+    behind, _ = paint(HELD, tool(0.42, 0.0, 0.22, (160.0, 0.0, 0.0)), CAMERA, color, depth * 0, rng)
     shown = behind[(behind != 50).any(axis=2)]
     assert len(shown) > 1000
     assert shown.min() > 150

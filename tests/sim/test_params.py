@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
-from app.sim.model.params import PARAMETERS, index, nominal_phi, validated, with_stiffness_up_to
+from app.sim.model.params import PARAMETERS, index, nominal_phi, validate, with_stiffness_up_to
 from app.sim.parameter import ParameterSpec
 from tests.sim.scenes import SCENE
 
 
 def test_the_nominal_parameters_are_valid_and_in_the_order_of_the_table():
-    assert validated(nominal_phi()) == pytest.approx([spec.nominal for spec in PARAMETERS])
+    assert validate(nominal_phi()) == pytest.approx([spec.nominal for spec in PARAMETERS])
     assert all(index(spec.name) == column for column, spec in enumerate(PARAMETERS))
 
 
@@ -24,11 +24,11 @@ def test_a_value_outside_its_range_is_named_with_the_range(spec: ParameterSpec, 
     phi[1, index(spec.name)] = value
     told = rf"{spec.name} = \S+ is outside its range {re.escape(f'{spec.low:g} to {spec.high:g}')}"
     with pytest.raises(ParameterError, match=told):
-        validated(phi)
+        validate(phi)
 
 
 def test_both_ends_of_a_range_belong_to_it():
-    validated(np.array([[spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]], np.float32))
+    validate(np.array([[spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]], np.float32))
 
 
 def test_stiffness_ends_where_a_simulators_time_steps_do():
@@ -36,9 +36,9 @@ def test_stiffness_ends_where_a_simulators_time_steps_do():
     assert limits == {spec.name: spec.high for spec in PARAMETERS} | {"stiffness": 7e4}
     phi = nominal_phi()
     phi[index("stiffness")] = 8e4
-    validated(phi)
+    validate(phi)
     with pytest.raises(ParameterError, match="1000 to 70000"):
-        validated(phi, with_stiffness_up_to(PARAMETERS, 7e4))
+        validate(phi, with_stiffness_up_to(PARAMETERS, 7e4))
 
 
 def test_an_unknown_parameter_names_the_likeliest():
@@ -48,7 +48,7 @@ def test_an_unknown_parameter_names_the_likeliest():
 
 def test_the_wrong_number_of_columns_is_said():
     with pytest.raises(ParameterError, match="last axis"):
-        validated(nominal_phi()[:-1])
+        validate(nominal_phi()[:-1])
 
 
 def test_a_specification_that_contradicts_itself_is_refused():

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from app.config import Workspace
 from app.core.errors import PerceptionError
 from app.sim.rods import state
-from app.sim.rods.geometry.centreline import RopeShape, traced
+from app.sim.rods.geometry.centreline import RopeShape, trace
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
-from app.sim.rods.geometry.verdict import crossing, judged
+from app.sim.rods.geometry.verdict import assess, crossing
 from app.sim.rods.state import RodState
 from app.tasks.elements.curves import fill_tube, random_curve
 
@@ -91,14 +91,14 @@ def bent(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("count", [300, 2000])
 def test_a_folded_rope_is_followed_along_its_strands(name: str, count: int) -> None:
     for seed in range(3):
-        verdict = judged(seen(FOLDED[name], seed, count=count), ROPE)
+        verdict = assess(seen(FOLDED[name], seed, count=count), ROPE)
         assert distance(verdict.line, FOLDED[name][:, :2]) < R / 2, seed
 
 
 @pytest.mark.parametrize("name", TOUCHING)
 def test_where_strands_touch_all_along_a_wrong_order_is_not_silent(name: str) -> None:
     for seed in range(4):
-        verdict = judged(seen(TOUCHING[name], seed), ROPE)
+        verdict = assess(seen(TOUCHING[name], seed), ROPE)
         assert verdict.problems or distance(verdict.line, TOUCHING[name][:, :2]) < R, seed
 
 
@@ -106,14 +106,14 @@ def test_where_strands_touch_all_along_a_wrong_order_is_not_silent(name: str) ->
 @given(st.integers(0, 2**31 - 1))
 def test_a_wrong_order_is_never_silent(seed: int) -> None:
     nodes = bent(seed)
-    verdict = judged(seen(nodes, seed, noise_m=0.0015), ROPE)
+    verdict = assess(seen(nodes, seed, noise_m=0.0015), ROPE)
     assert verdict.problems or distance(verdict.line, nodes[:, :2]) < R
 
 
 @settings(max_examples=10)
 @given(st.integers(0, 2**31 - 1))
 def test_a_centreline_has_the_length_of_the_rope_in_equal_steps(seed: int) -> None:
-    line = traced(seen(bent(seed), seed), ROPE).line
+    line = trace(seen(bent(seed), seed), ROPE).line
     assert np.linalg.norm(np.diff(line, axis=0), axis=1) == pytest.approx(np.full(40, ROPE.rest_m), rel=1e-2)
 
 
@@ -143,7 +143,7 @@ def test_round_ends_do_not_draw_the_nodes_outward_or_make_them_cut_bends(seed: i
 def test_numbering_does_not_matter(name: str) -> None:
     x = seen(FOLDED[name], 0)
     shuffled = x[np.random.default_rng(1).permutation(len(x))]
-    np.testing.assert_allclose(traced(shuffled, ROPE).line, traced(x, ROPE).line, atol=1e-4)
+    np.testing.assert_allclose(trace(shuffled, ROPE).line, trace(x, ROPE).line, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", FOLDED)
@@ -153,8 +153,8 @@ def test_a_mirrored_turned_and_shifted_rope_has_such_a_centreline(name: str) -> 
     for motion in (np.diag([1.0, -1.0]), np.array([[cos, -sin], [sin, cos]])):
         moved = x.copy()
         moved[:, :2] = x[:, :2] @ motion.T + [0.1, -0.05]
-        expected = traced(x, ROPE).line @ motion.T + [0.1, -0.05]
-        assert distance(traced(moved, ROPE).line, expected) < 1e-3
+        expected = trace(x, ROPE).line @ motion.T + [0.1, -0.05]
+        assert distance(trace(moved, ROPE).line, expected) < 1e-3
 
 
 # A predicted centreline.
@@ -173,13 +173,13 @@ def test_a_prediction_tells_where_a_ring_begins_and_which_way_it_runs(first: int
     near = np.roll(ring()[:-1, :2], -first, axis=0)
     near = of_equal_steps(np.concatenate([near, near[:1]])[None] + [0.004, 0.002], ROPE.rest_m)[0]
     for given_line in (near, near[::-1].copy()):
-        line = traced(x, ROPE, given_line).line
+        line = trace(x, ROPE, given_line).line
         assert np.linalg.norm(line - given_line, axis=1).mean() < R
 
 
 def test_a_prediction_that_is_far_off_does_not_bend_what_is_seen() -> None:
     nodes = FOLDED["serpentine"]
-    line = traced(seen(nodes, 0), ROPE, nodes[:, :2][:, ::-1] + 0.2).line
+    line = trace(seen(nodes, 0), ROPE, nodes[:, :2][:, ::-1] + 0.2).line
     assert distance(line, nodes[:, :2]) < R / 2
 
 
@@ -236,7 +236,7 @@ BAD = {
 def test_what_is_no_such_rope_is_named_in_one_line(name: str) -> None:
     make, words = BAD[name]
     with pytest.raises(PerceptionError, match=words) as raised:
-        judged(make(), ROPE).checked()
+        assess(make(), ROPE).checked()
     assert "\n" not in str(raised.value)
     assert str(raised.value).endswith(".")
 
@@ -246,7 +246,7 @@ def test_nothing_is_said_against_an_open_rope(seed: int) -> None:
     curve = random_curve(
         np.random.default_rng(seed), length_m=0.4, height_m=R, workspace=Workspace(), points=41, min_gap_m=0.04
     )
-    verdict = judged(seen(curve, seed), ROPE)
+    verdict = assess(seen(curve, seed), ROPE)
     assert verdict.problems == ()
     assert distance(verdict.checked(), curve[:, :2]) < R / 4
 

@@ -5,7 +5,7 @@ import pytest
 
 from app.core.errors import PlanningError
 from app.core.messages import Branch
-from app.core.path_similarity_transform import reshaped
+from app.core.path_similarity_transform import reshape
 from app.jobs import worker_api
 from app.jobs.edited import edited_plan
 from app.jobs.worker_api import nominal_model
@@ -69,7 +69,7 @@ def test_an_unmoved_motion_of_a_plan_costs_and_predicts_what_it_did() -> None:
     found = edited_plan("rope_push", PRESET, OBSERVED, GOAL, MODEL, plan.branches, plan.best, *ends)
     moved_m = np.linalg.norm(best.predicted - OBSERVED, axis=1).max()
     assert np.linalg.norm(found.predicted - best.predicted, axis=1).max() < 0.2 * moved_m
-    way = reshaped(best.tool_path.astype(float), *ends)
+    way = reshape(best.tool_path.astype(float), *ends)
     apart = np.linalg.norm(found.branches[0].tool_path[:, None] - way[None], axis=2).min(1)
     assert apart.max() < 0.002
 

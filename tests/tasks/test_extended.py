@@ -15,7 +15,7 @@ from app.discovery.residuals.sensitivity import Step
 from app.jobs import jit_cache
 from app.jobs.apparatus_compensation import correction
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import Covariance, Estimated, estimated, extended_model
+from app.jobs.extended import Covariance, Estimated, estimates_of, extended_model
 from app.jobs.worker_api import check_model, nominal_model
 from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import PARAMETERS, acting, index
@@ -70,7 +70,7 @@ def test_what_a_discovery_fitted_becomes_values_with_intervals_and_their_covaria
     stiffness, shift, friction = (known.column(name) for name in ("stiffness", "hand_eye_x", "table_friction"))
     theta[[stiffness, shift, friction]] = 5.0e4, 0.004, 0.6
     steps = [Step(cause="", column=column, size=size, sides=2) for column, size in ((stiffness, 0.1), (shift, 1e-3))]
-    values, covariance = estimated(known, nominal, theta, steps, np.array([[4.0, 0.5], [0.5, 0.25]]))
+    values, covariance = estimates_of(known, nominal, theta, steps, np.array([[4.0, 0.5], [0.5, 0.25]]))
     assert values.keys() == {"stiffness", "hand_eye_x", "table_friction"}
     assert values["hand_eye_x"] == pytest.approx((0.004, 0.004 - 1.645 * 5e-4, 0.004 + 1.645 * 5e-4))
     assert values["stiffness"] == pytest.approx((5.0e4, 5.0e4 * np.exp(-0.329), 5.0e4 * np.exp(0.329)))

@@ -7,7 +7,7 @@ import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.jobs.jit_cache import nominal_model
-from app.jobs.teaching import SHIPPED, learned, lessons, shipped, simulator
+from app.jobs.teaching import SHIPPED, lessons, load_learned, shipped, simulator
 from app.policy.base import PlanningState
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy
@@ -28,7 +28,7 @@ def test_each_task_has_one_that_says_how_it_was_made(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["bean_sweep", "rope_push"])
 def test_its_first_actions_bring_objects_nearer_to_their_goals(name: str) -> None:
-    task, policy = load(name), learned(SHIPPED, load(name))
+    task, policy = load(name), load_learned(SHIPPED, load(name))
     count = task.preset("cpu").particle_count
     x = np.stack([task.particles(task.start(seed), count) for seed in range(PROBLEMS)])
     goals = np.stack([task.goal(seed, count) for seed in range(PROBLEMS)])

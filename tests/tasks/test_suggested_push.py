@@ -8,7 +8,7 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
-from app.jobs.suggested_push import aimed, asked_plan, motion_of
+from app.jobs.suggested_push import aim_at, motion_of, plan_of_suggestion
 from app.jobs.worker_api import nominal_model
 from app.planner.actions.actions import Pushes
 from app.policy.random_pushes import PushDesign, random_track
@@ -39,14 +39,14 @@ def test_a_track_becomes_a_motion_along_the_same_way_at_the_same_speed(seed: int
 
 def test_a_push_that_fits_is_left_where_it_is() -> None:
     motion = motion_of(track(1), PUSHES, SITE)
-    assert aimed(motion, rope(), PUSHES, SITE).digest() == motion.digest()
+    assert aim_at(motion, rope(), PUSHES, SITE).digest() == motion.digest()
 
 
 @pytest.mark.parametrize("shift", [(0.08, 0.05), (-0.1, -0.08), (0.0, 0.02)])
 def test_a_push_follows_an_object_that_lies_elsewhere(shift: tuple[float, float]) -> None:
     motion = motion_of(track(1), PUSHES, SITE)
     x = rope() + np.float32([*shift, 0.0])
-    found = aimed(motion, x, PUSHES, SITE)
+    found = aim_at(motion, x, PUSHES, SITE)
     np.testing.assert_allclose(np.diff(found.positions, axis=0), np.diff(motion.positions, axis=0), atol=1e-12)
     np.testing.assert_array_equal(found.speeds, motion.speeds)
     near = np.linalg.norm(found.positions[1:-1, None, :2] - x[None, :, :2], axis=2).min(1)
@@ -59,12 +59,12 @@ def test_a_push_that_fits_nowhere_says_so() -> None:
     motion = motion_of(track(1), PUSHES, SITE)
     long = replace(motion, positions=motion.positions * [8.0, 8.0, 1.0])
     with pytest.raises(PlanningError, match="move the object towards the middle"):
-        aimed(long, rope(), PUSHES, SITE)
+        aim_at(long, rope(), PUSHES, SITE)
 
 
 def test_the_plan_of_an_asked_push_is_simulated_and_of_one_branch() -> None:
     motion = motion_of(track(1), PUSHES, SITE)
-    found = asked_plan("rope_push", rope(), rope(0.05), nominal_model("rope_push"), motion)
+    found = plan_of_suggestion("rope_push", rope(), rope(0.05), nominal_model("rope_push"), motion)
     assert [branch.origin for branch in found.branches] == ["asked"]
     assert found.motion.digest() == motion.digest()
     assert np.linalg.norm(found.predicted - rope(), axis=1).max() > 0.01

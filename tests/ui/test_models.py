@@ -34,22 +34,22 @@ def version(number: int, stiffness: float, *, spread: float = 0.2) -> Model:
 
 def test_what_was_estimated_in_any_version_is_told_and_what_changed():
     first, second = version(0, 2e4, spread=0.0), version(1, 3e4)
-    assert models.told((first, second)) == ("stiffness",)
+    assert models.text_of((first, second)) == ("stiffness",)
     moved = replace(
         second,
         parameters=(*second.parameters[:2], Parameter(name="adhesion", value=5.0, unit="Pa", low=5.0, high=5.0)),
     )
-    assert models.told((first, moved)) == ("stiffness", "adhesion")
+    assert models.text_of((first, moved)) == ("stiffness", "adhesion")
 
 
 def test_where_nothing_was_estimated_what_is_not_zero_is_told():
-    assert models.told((version(0, 2e4, spread=0.0),)) == ("stiffness", "table_friction")
-    assert models.told(()) == ()
+    assert models.text_of((version(0, 2e4, spread=0.0),)) == ("stiffness", "table_friction")
+    assert models.text_of(()) == ()
 
 
 def test_the_table_has_value_unit_interval_and_the_change_since_the_version_before():
     board = board_after(version(1, 2e4), version(2, 3e4))
-    html = models.parameters(board, rows=models.told(board.models))
+    html = models.parameters(board, rows=models.text_of(board.models))
     assert "3e+04 Pa" in html
     assert "+50 %" in html
     assert "2.4e+04 to 3.6e+04" in html
@@ -70,12 +70,12 @@ def test_the_summary_says_the_version_its_source_its_error_and_whether_another_i
 
 @pytest.mark.parametrize(("other", "said"), [(2.2e4, "intervals overlap"), (6e4, "intervals apart")])
 def test_two_versions_stand_side_by_side_with_the_change_and_whether_intervals_overlap(other: float, said: str):
-    html = models.compared(version(1, 2e4), version(2, other))
+    html = models.compare(version(1, 2e4), version(2, other))
     assert "version 1" in html
     assert "version 2" in html
     assert f"{100 * (other / 2e4 - 1):+.0f} %" in html
     assert said in html
-    assert "intervals" not in models.compared(version(1, 2e4, spread=0.0), version(2, other))
+    assert "intervals" not in models.compare(version(1, 2e4, spread=0.0), version(2, other))
 
 
 def test_a_parameter_that_one_version_lacks_is_left_empty_there():
@@ -83,7 +83,7 @@ def test_a_parameter_that_one_version_lacks_is_left_empty_there():
         version(2, 2e4),
         apparatus=(Parameter(name="depth_bias", value=0.002, unit="m", low=0.001, high=0.003),),
     )
-    html = models.compared(version(1, 2e4), erring)
+    html = models.compare(version(1, 2e4), erring)
     assert "depth bias" in html
     assert "<td>\N{EN DASH}</td>" in html
 
@@ -108,7 +108,7 @@ def test_from_above_the_table_s_x_is_up_and_its_y_left():
 
 def test_names_from_outside_are_escaped():
     bad = replace(version(1, 2e4), parameters=(Parameter(name="<b>", value=1.0, unit="<i>", low=0.5, high=2.0),))
-    for html in (models.compared(bad, bad), models.parameters(board_after(bad), rows=("<b>",))):
+    for html in (models.compare(bad, bad), models.parameters(board_after(bad), rows=("<b>",))):
         assert "<i>" not in html
         assert "<b>" not in html
 

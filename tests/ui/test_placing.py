@@ -79,7 +79,7 @@ def test_what_the_camera_sees_is_said_and_drawn() -> None:
     assert "24 corners at 0.51 m" in cards.live(board)
     assert "not in the image" in cards.live(board.after(seen(0, "The board is not in the image.")))
     image = np.zeros((480, 640, 3), np.uint8)
-    painted = cards.marked(image, seen())
+    painted = cards.mark(image, seen())
     assert painted.shape == (240, 320, 3)
     assert tuple(painted[5, 10]) == palette.MASK
     assert not image.any()

@@ -93,7 +93,7 @@ def test_the_masked_pixels_are_tinted_their_outline_is_drawn_and_the_rest_stays(
     image = np.full((12, 12, 3), 100, np.uint8)
     mask = np.zeros((12, 12), bool)
     mask[3:8, 4:9] = True
-    painted = overlays.tinted(image, mask, (255, 0, 0))
+    painted = overlays.tint(image, mask, (255, 0, 0))
     assert (painted[~mask] == 100).all()
     assert (painted[3, 4] == (255, 0, 0)).all()
     assert 100 < painted[5, 6, 0] < 255
@@ -107,10 +107,10 @@ def test_a_thinned_mask_is_spread_over_its_image(shape: tuple[int, int, int]):
     step = overlays.stride(shape[1])
     mask = np.zeros(shape[:2], bool)
     mask[100:140, 60:90] = True
-    spread = overlays.fitted(mask[::step, ::step], shape)
+    spread = overlays.fit_frame(mask[::step, ::step], shape)
     assert spread.shape == shape[:2]
     assert (spread == mask).mean() > 0.999
-    assert not overlays.fitted(np.ones((2, 4), bool), (480, 640, 3)).any()
+    assert not overlays.fit_frame(np.ones((2, 4), bool), (480, 640, 3)).any()
 
 
 def test_a_camera_s_readings_lie_where_they_are_seen():

@@ -72,7 +72,7 @@ class ToolShape:
 
 
 @_BLAS.wrap(limits=1, user_api="blas")
-def fitted_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolShape | None:
+def fit_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolShape | None:
     """The shape that all views agree on; None where the points show no surface.
 
     The tool's middle is free in each view: late images and bent arms move it, which does not affect its size. `flat`:

@@ -24,9 +24,9 @@ def frame_tests(
     camera = np.asarray(trials.study.camera)[:2]
     frames: list[tuple[str, str, Means]] = [
         ("world", "the same way on the table, whatever the push: tilt, draught, cameras", means),
-        ("push", "along or across the push: friction, delay, lag, compliance", _turned(means, _headings(trials))),
-        ("tool", "fixed to the turned tool: its tip is elsewhere", _turned(means, _yaws(trials))),
-        ("camera", "towards or away from the cameras: depth", _turned(means, _angles(places.mean(1) - camera))),
+        ("push", "along or across the push: friction, delay, lag, compliance", _turn(means, _headings(trials))),
+        ("tool", "fixed to the turned tool: its tip is elsewhere", _turn(means, _yaws(trials))),
+        ("camera", "towards or away from the cameras: depth", _turn(means, _angles(places.mean(1) - camera))),
     ]
     tests = [_test(name, about, episode, means, _constant(turned)) for name, about, turned in frames]
     tests.append(
@@ -100,7 +100,7 @@ def _along(trials: SimulationBatch, arrows: Float64[np.ndarray, "K N 2"]) -> Sha
 
 def _trend(means: Means, headings: Float64[np.ndarray, " K"], times: Float64[np.ndarray, " K"]) -> Share:
     """Share for the residual along the push, by a straight line over the session."""
-    forth = _turned(means, headings)[:, 0]
+    forth = _turn(means, headings)[:, 0]
 
     def share(rows: Int[np.ndarray, " L"]) -> float:
         if len(np.unique(times[rows])) < 3:  # A line goes through any two.
@@ -110,7 +110,7 @@ def _trend(means: Means, headings: Float64[np.ndarray, " K"], times: Float64[np.
     return share
 
 
-def _turned(vectors: Means, angles: Float64[np.ndarray, " K"]) -> Means:
+def _turn(vectors: Means, angles: Float64[np.ndarray, " K"]) -> Means:
     """Seen in frames turned by angles [rad]."""
     c, s = np.cos(angles), np.sin(angles)
     return np.stack([c * vectors[:, 0] + s * vectors[:, 1], -s * vectors[:, 0] + c * vectors[:, 1]], axis=1)

@@ -25,7 +25,7 @@ _DIGITS: Final = 2
 _Shift = Float64[np.ndarray, "3"]
 
 
-def centred(study: Study, subject: Subject) -> Study:
+def centre(study: Study, subject: Subject) -> Study:
     """The study, or where it is not within the tasks' table the same about its middle; `origin_m` says where it was."""
     low, high = _extent(study, subject)
     if np.all(np.abs(np.stack([low, high]) - MIDDLE_M) <= REACH_M):
@@ -43,7 +43,7 @@ def reach_m(study: Study, subject: Subject) -> tuple[float, float]:
     return x, y
 
 
-def moved_back(case: Case, origin_m: tuple[float, float]) -> Case:
+def move_back(case: Case, origin_m: tuple[float, float]) -> Case:
     """The case with all that is drawn where it was; values and words are there already (`Catalogue.origin_m`)."""
     if origin_m == (0.0, 0.0):
         return case

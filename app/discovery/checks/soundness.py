@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.discovery.residuals.displacement_field import AFTER, Basis, registered
+from app.discovery.residuals.displacement_field import AFTER, Basis, register
 from app.discovery.residuals.predict import SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.results.case import Limit
@@ -49,4 +49,4 @@ def _moved_m(trials: SimulationBatch, k: int) -> float:
     """Root mean square displacement of the object along it by a push."""
     before = trials.clouds[k]
     basis = Basis.along(before, trials.labels[k, :, 0])
-    return float(np.linalg.norm(registered(before, trials.observed.after[k], basis)))
+    return float(np.linalg.norm(register(before, trials.observed.after[k], basis)))

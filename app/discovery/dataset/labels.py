@@ -15,7 +15,7 @@ _NODES: Final = 24
 """Nodes of an object's middle."""
 
 
-def labelled(
+def label_particles(
     clouds: Sequence[Points], rods: RodModel | None = None
 ) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
     """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.

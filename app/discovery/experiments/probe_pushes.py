@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
 from app.core.types import Points
-from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.next_push import push_words
-from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weighted
+from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weigh_samples
 from app.discovery.inference.mixed_effects import information_of
 from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import residuals
@@ -78,7 +78,7 @@ class PushSituation:
     """Situation in which a push is chosen: the object as it is `seen`, in an `episode`, after those `made` before.
 
     `plan`: speeds and lengths of pushes, and whether the arm measures its path; `height_m`: of the tip while it pushes;
-    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`; `rods`: see `labels.labelled`.
+    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`; `rods`: see `label_particles`.
     """
 
     task: str
@@ -94,7 +94,7 @@ class PushSituation:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def chosen(subject: Subject, belief: Belief, scene: PushSituation, *, seed: int) -> Probe:
+def choose(subject: Subject, belief: Belief, scene: PushSituation, *, seed: int) -> Probe:
     """The push of those drawn by `seed` that is expected to say most about which rival of the belief is right.
 
     Raises PlanningError where none that was drawn may be made and moves the object.
@@ -118,7 +118,7 @@ def best_of(
     height_m: float,
 ) -> Probe:
     """The candidate that is expected to say most beyond what pending pushes will."""
-    gains = [weighted(belief, gains_of(belief, belief.pending, belief.pending + own)) for own in information]
+    gains = [weigh_samples(belief, gains_of(belief, belief.pending, belief.pending + own)) for own in information]
     best = int(np.argmax([gain.sum() for gain in gains]))
     between, nats = _told_apart(list(belief.rivals), gains[best]), float(gains[best].sum())
     candidate = candidates[best]
@@ -213,7 +213,7 @@ def _again(push: Push, number: int, scene: PushSituation) -> Iterator[tuple[Stro
     if found is None:
         return
     along, angle, length_m, speed_m_s = found
-    labels = labelled([scene.seen.points], scene.rods)[0][0]
+    labels = label_particles([scene.seen.points], scene.rods)[0][0]
     at = int(np.abs(labels[:, 0] - along).argmin())
     heading = angle + float(np.arctan2(labels[at, 3], labels[at, 2]))
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -242,7 +242,7 @@ def _touch(push: Push, scene: PushSituation) -> tuple[float, float, float, float
     offsets = push.before.points[:, :2] - way[low[0], :2]
     beside = np.abs(offsets @ np.array([-ahead[1], ahead[0]])) + 1e3 * (offsets @ ahead < 0)
     at = int(beside.argmin())
-    labels = labelled([push.before.points], scene.rods)[0][0]
+    labels = label_particles([push.before.points], scene.rods)[0][0]
     angle = float(np.arctan2(ahead[1], ahead[0]) - np.arctan2(labels[at, 3], labels[at, 2]))
     lasts_s = float(times[low][going[-1] + 1] - times[low][going[0]])
     return float(labels[at, 0]), angle, length_m, float(steps.sum()) / lasts_s

@@ -20,7 +20,7 @@ from jaxtyping import Float64
 from app.discovery import sensor_actuator_errors
 from app.discovery.inference.mixed_effects import scores
 from app.discovery.inference.screen import CandidateCause, Screening
-from app.discovery.inference.weighing import projected
+from app.discovery.inference.weighing import project_out
 from app.sim.files import files_of
 
 TABLE: Final = "calibration.json"
@@ -97,7 +97,7 @@ def _row(
 ) -> list[float]:
     """Evidence and robust scores of one cause, how many pushes carry it and agree, information, and size."""
     own = list(suspect.columns)
-    rest, projection, information = projected(screening.weighing.nothing.forms.A.sum(0), screening.prior, own)
+    rest, projection, information = project_out(screening.weighing.nothing.forms.A.sum(0), screening.prior, own)
     pushes, episodes = (each[:, own] - each[:, rest] @ projection for each in (by_push, by_episode))
     precision = information + _TYPICAL_PRECISION * np.eye(len(own))
     estimate = np.linalg.solve(precision, pushes.sum(0))

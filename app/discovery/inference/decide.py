@@ -17,14 +17,14 @@ from scipy.stats import t
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
-from app.discovery.inference.mixed_effects import Covariances, fitted, log_likelihood
-from app.discovery.inference.refine import RefinedModel, refine, started
+from app.discovery.inference.mixed_effects import Covariances, fit_mixed_effects, log_likelihood
+from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Z90, Prior, weigh
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
-from app.discovery.residuals.sensitivity import moved, ways_of
+from app.discovery.residuals.sensitivity import apply_step, ways_of
 
 TEMPERATURE = 2.0
 """Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""
@@ -109,13 +109,13 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
-    held = held_out((screening.data, screening.prior), best) if sure else None
+    held = held_out_gain((screening.data, screening.prior), best) if sure else None
     if held is not None and (not catalogue.rods or held.gain > held.error):
         best = _extended(predictor, trials, screening, best, singles, said)
-        held = held_out((screening.data, screening.prior), best)
+        held = held_out_gain((screening.data, screening.prior), best)
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
-        linear = held_out_of_linear(screening, suspect)
+        linear = held_out_gain_of_linear(screening, suspect)
         held = linear if is_earned(linear) else held
     earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
@@ -164,11 +164,11 @@ def refitted(
 ) -> RefinedModel:
     """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
     if not thorough:
-        start = started(predictor.catalogue, screening.about, suspect)
+        start = start_of(predictor.catalogue, screening.about, suspect)
         return refine(predictor, trials, screening, [(suspect.cause, start)], rounds=1)
     best: RefinedModel | None = None
     for share in _SHARES:
-        start = started(predictor.catalogue, screening.about, suspect, share=share)
+        start = start_of(predictor.catalogue, screening.about, suspect, share=share)
         model = refine(predictor, trials, screening, [(suspect.cause, start)])
         if best is None or model.log_evidence > best.log_evidence:
             best = model
@@ -190,12 +190,12 @@ def probabilities_of(screening: Screening, singles: Sequence[RefinedModel]) -> t
     """Probabilities of each cause, and of none; of those not refitted by the screening's evidence alone."""
     linear = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
     refitted = {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
-    return _shared({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
+    return _normalize({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
 
 
 def named_of(linear: Mapping[str, float]) -> str | None:
     """The cause that is the most probable by the screening's evidence; None where nothing missing is more probable."""
-    probabilities, nothing = _shared({cause: value / TEMPERATURE for cause, value in linear.items()})
+    probabilities, nothing = _normalize({cause: value / TEMPERATURE for cause, value in linear.items()})
     cause = max(probabilities, key=lambda cause: probabilities[cause])
     return cause if probabilities[cause] > nothing else None
 
@@ -206,7 +206,7 @@ def _weight(linear: float, refitted: float | None) -> float:
     return weight if refitted is None else max(weight, (refitted - CHANCE) / _ROUGH)
 
 
-def _shared(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
+def _normalize(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
     """Probabilities from logarithmic weights against nothing missing, and that of nothing missing."""
     weights = np.array([0.0, *(np.log(_ODDS) + value for value in logs.values())])
     probabilities = np.exp(weights - weights.max())
@@ -232,7 +232,7 @@ def _extended(
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
-        gained = held_out((best.data, best.prior), better)
+        gained = held_out_gain((best.data, best.prior), better)
         if not is_earned(gained):
             return best
         best = _without_needless(better, [best, *singles])
@@ -248,7 +248,7 @@ def extended(
     start: Theta | None = None,
 ) -> RefinedModel:
     """The model with a further cause, refitted; from that cause's value in `start`, or as the screening found it."""
-    start = started(predictor.catalogue, screening.about, suspect) if start is None else start
+    start = start_of(predictor.catalogue, screening.about, suspect) if start is None else start
     both = [*((name, model.estimate) for name in model.causes), (suspect.cause, start)]
     return refine(predictor, trials, screening, both, (model.fit.covariances,))
 
@@ -283,32 +283,32 @@ def further(model: RefinedModel) -> list[CandidateCause]:
     return list(first.values())
 
 
-def held_out(simpler: tuple[Residuals, Prior], model: RefinedModel) -> HeldOutGain:
+def held_out_gain(simpler: tuple[Residuals, Prior], model: RefinedModel) -> HeldOutGain:
     """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
-    return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
+    return _held_out_gain(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
 
-def held_out_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
+def held_out_gain_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
     """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
 
     Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
     """
     data, nothing = screening.data, screening.prior
     present = nothing.wider(suspect.columns)
-    return _held_out((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
+    return _held_out_gain((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
 
 
-def _held_out(
+def _held_out_gain(
     simpler: tuple[Residuals, Prior], extended: tuple[Residuals, Prior], starts: Sequence[Covariances | None]
 ) -> HeldOutGain:
     episodes = np.unique(extended[0].episode).tolist()
     gains = np.array(
         [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
     )
-    return trimmed(gains)
+    return trimmed_mean(gains)
 
 
-def trimmed(gains: Float64[np.ndarray, " E"]) -> HeldOutGain:
+def trimmed_mean(gains: Float64[np.ndarray, " E"]) -> HeldOutGain:
     """The trimmed mean of episodes, and its standard error (Tukey and McLaughlin 1963).
 
     The error is as much larger as makes two of it as rare as two of a plain mean, by Student's distribution of fewer
@@ -331,7 +331,7 @@ def is_earned(held: HeldOutGain) -> bool:
 
 
 def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:
-    fit = fitted(data.without(episode), prior.variance, prior.mean, starts)
+    fit = fit_mixed_effects(data.without(episode), prior.variance, prior.mean, starts)
     return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
 
 
@@ -339,7 +339,9 @@ def left_out_thetas(model: RefinedModel) -> dict[int, Float64[np.ndarray, " P"]]
     """The own columns' values, in steps from the model's theta and as far as trusted, when an episode is left out."""
     found = dict[int, Float64[np.ndarray, " P"]]()
     for episode in np.unique(model.data.episode):
-        fit = fitted(model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,))
+        fit = fit_mixed_effects(
+            model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,)
+        )
         found[int(episode)] = model.trust * fit.theta[: model.own]
     return found
 
@@ -348,5 +350,5 @@ def theta_of(catalogue: Catalogue, model: RefinedModel, shares: Float64[np.ndarr
     """The model's theta moved by so many of its own steps."""
     theta = model.theta
     for step, share in zip(model.steps[: model.own], shares, strict=True):
-        theta = moved(catalogue, theta, step, float(share))
+        theta = apply_step(catalogue, theta, step, float(share))
     return theta

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from scipy.spatial import KDTree
 
 from app.discovery.dataset.model_under_test import Cause, Theta
-from app.discovery.inference.mixed_effects import fitted, forms_of
+from app.discovery.inference.mixed_effects import fit_mixed_effects, forms_of
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
@@ -49,7 +49,7 @@ def localized(
 ) -> Mapping[str, Located]:
     """The likeliest places of the causes of these `names`. `prior`: of the `nuisances`, about the nominal model."""
     causes = [predictor.catalogue.cause(name) for name in names]
-    swept = _swept(trials)
+    swept = _sweep(trials)
     lattices = {cause.name: lattice(swept, _spacing_m(cause)) for cause in causes}
     coarse = _evidences(predictor, trials, about, nuisances, prior, lattices)
     finer = {cause.name: _around(lattices[cause.name], coarse[cause.name], _spacing_m(cause)) for cause in causes}
@@ -67,7 +67,7 @@ def _spacing_m(cause: Cause) -> float:
     return _FELT_EVERYWHERE_M if cause.reach_m is None else cause.reach_m / 2
 
 
-def _swept(trials: SimulationBatch) -> list[Float64[np.ndarray, "M 2"]]:
+def _sweep(trials: SimulationBatch) -> list[Float64[np.ndarray, "M 2"]]:
     """Places at which something of the object moved in each push, as it was seen before, during and after."""
     found = list[Float64[np.ndarray, "M 2"]]()
     for k, push in enumerate(trials.study.pushes):
@@ -141,7 +141,7 @@ def log_bayes_of_each(data: Residuals, prior: Prior, one_sided: Sequence[bool]) 
     known = Residuals(
         r=data.r, J=data.J[:, :, :count], spread=data.spread, known=data.known, episode=data.episode, blocks=data.blocks
     )
-    fit = fitted(known, prior.variance, prior.mean)
+    fit = fit_mixed_effects(known, prior.variance, prior.mean)
     theta = np.concatenate([fit.theta, np.zeros(data.J.shape[2] - count)])
     forms = forms_of(data, theta, fit.covariances)
     A, left = forms.A.sum(0), forms.b.sum(0) - forms.A.sum(0) @ theta

@@ -65,7 +65,7 @@ class _Rows(NamedTuple):
         return (self.r - self.J @ theta) * self.known
 
 
-def fitted(
+def fit_mixed_effects(
     data: Residuals,
     variance: Float64[np.ndarray, " P"],
     mean: Float64[np.ndarray, " P"] | None = None,
@@ -76,7 +76,7 @@ def fitted(
     The likelihood has more than one maximum: noise can pass for an effect's work. The best from all `starts` is taken.
     """
     blocks, centre = _blocks(data), np.zeros(len(variance)) if mean is None else mean
-    found = [_climbed(blocks, variance, centre, start) for start in starts]
+    found = [_em_fit(blocks, variance, centre, start) for start in starts]
     return max(found, key=lambda fit: fit.log_likelihood - 0.5 * float(((fit.theta - centre) ** 2 / variance).sum()))
 
 
@@ -91,7 +91,7 @@ def scores(data: Residuals, fit: MixedEffectsFit) -> Float64[np.ndarray, "K P"]:
     found = np.zeros((len(data), len(fit.theta)))
     for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
         root = _roots(block, covariance)
-        WJ, Wr = _whitened(block, root, _size(block, root, fit.theta))
+        WJ, Wr = _whiten(block, root, _size(block, root, fit.theta))
         found[data.known[:, rows].any(1)] += np.einsum("ksp,ks->kp", WJ, Wr - WJ @ fit.theta)
     return found
 
@@ -103,7 +103,7 @@ def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndar
     """
     found = np.zeros((len(data), data.J.shape[2], data.J.shape[2]))
     for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), covariances, strict=True):
-        WJ, _ = _whitened(block, _roots(block, covariance), np.ones(len(block.r)))
+        WJ, _ = _whiten(block, _roots(block, covariance), np.ones(len(block.r)))
         found[data.known[:, rows].any(1)] += np.swapaxes(WJ, 1, 2) @ WJ
     return found
 
@@ -136,7 +136,7 @@ def _blocks(data: Residuals) -> list[_Rows]:
     return found
 
 
-def _climbed(
+def _em_fit(
     blocks: Sequence[_Rows],
     variance: Float64[np.ndarray, " P"],
     centre: Float64[np.ndarray, " P"],
@@ -151,7 +151,7 @@ def _climbed(
         pairs = list(zip(blocks, roots, strict=True))
         sizes = [_size(block, root, theta) if turn else np.ones(len(block.r)) for block, root in pairs]
         for block, root, size in zip(blocks, roots, sizes, strict=True):
-            WJ, Wr = _whitened(block, root, size)
+            WJ, Wr = _whiten(block, root, size)
             flat = WJ.reshape(-1, len(theta))
             total += flat.T @ flat
             pull += flat.T @ Wr.ravel()
@@ -199,7 +199,7 @@ def _log_likelihood(block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Fl
     return -0.5 * float(((_DEGREES + block.seen) * np.log1p(distance / _DEGREES) + block.seen * volume).sum())
 
 
-def _whitened(
+def _whiten(
     block: _Rows, roots: Float64[np.ndarray, "_ S S"], size: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K S P"], Float64[np.ndarray, "K S"]]:
     weight = 1 / np.sqrt(size)
@@ -243,7 +243,7 @@ def _forms(
     episodes = np.unique(np.concatenate([block.episode for block in blocks]))
     A, b = np.zeros((len(episodes), len(theta), len(theta))), np.zeros((len(episodes), len(theta)))
     for block, root in zip(blocks, roots, strict=True):
-        WJ, Wr = _whitened(block, root, _size(block, root, theta))
+        WJ, Wr = _whiten(block, root, _size(block, root, theta))
         for row, episode in enumerate(episodes):
             own = block.episode == episode
             flat = WJ[own].reshape(-1, len(theta))

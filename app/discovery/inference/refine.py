@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
-from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, fitted
+from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, fit_mixed_effects
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Prior, log_evidence, posterior
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
-from app.discovery.residuals.sensitivity import Step, moved, residuals, switch_of
+from app.discovery.residuals.sensitivity import Step, apply_step, residuals, switch_of
 
 _ROUNDS = 5
 _PART = 0.4
@@ -71,12 +71,12 @@ def refine(
     """
     catalogue = predictor.catalogue
     causes = tuple(name for name, _ in starts)
-    theta = _joined(catalogue, screening.about, starts)
+    theta = _join(catalogue, screening.about, starts)
     own = own_steps(catalogue, predictor.subject.calibrated, causes)
     best: RefinedModel | None = None
     for _ in range(rounds):
         sloped = residuals(predictor, trials, theta, own, replicas=0)
-        model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
+        model = _fit_linear(catalogue, screening, causes, theta, own, sloped, noises)
         if best is None or model.log_evidence > best.log_evidence:
             best = model
         else:
@@ -93,15 +93,15 @@ def _ahead(catalogue: Catalogue, model: RefinedModel, share: float) -> Theta:
     estimate = model.theta
     shares = np.clip(model.fit.theta[: model.own], -_FARTHEST, _FARTHEST)
     for step, value in zip(model.steps[: model.own], shares, strict=True):
-        estimate = moved(catalogue, estimate, step, share * float(value))
+        estimate = apply_step(catalogue, estimate, step, share * float(value))
     return estimate
 
 
-def started(catalogue: Catalogue, about: Theta, suspect: CandidateCause, *, share: float = 1.0) -> Theta:
+def start_of(catalogue: Catalogue, about: Theta, suspect: CandidateCause, *, share: float = 1.0) -> Theta:
     """The model with a suspect's cause as the screening found it."""
     theta = about.copy()
     for step, value in zip(suspect.steps, suspect.finding.mean, strict=True):
-        theta = moved(catalogue, theta, step, share * float(value))
+        theta = apply_step(catalogue, theta, step, share * float(value))
     return theta
 
 
@@ -120,7 +120,7 @@ def own_steps(catalogue: Catalogue, calibrated: Sequence[str], causes: Sequence[
     return tuple(steps)
 
 
-def _joined(catalogue: Catalogue, about: Theta, starts: Sequence[tuple[str, Theta]]) -> Theta:
+def _join(catalogue: Catalogue, about: Theta, starts: Sequence[tuple[str, Theta]]) -> Theta:
     """One theta with the parameters of each cause from its own start."""
     theta = about.copy()
     if len(starts) == 1:
@@ -131,7 +131,7 @@ def _joined(catalogue: Catalogue, about: Theta, starts: Sequence[tuple[str, Thet
     return theta
 
 
-def _fitted(
+def _fit_linear(
     catalogue: Catalogue,
     screening: Screening,
     causes: tuple[str, ...],
@@ -154,7 +154,7 @@ def _fitted(
     )
     prior = _prior(catalogue, screening, theta, own, others)
     weighing = screening.weighing
-    fit = fitted(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
+    fit = fit_mixed_effects(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
     model = RefinedModel(
         causes=causes,
         theta=theta,

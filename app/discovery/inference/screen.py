@@ -9,15 +9,15 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
-from app.discovery.inference.ends import Ends, found_ends, turned
+from app.discovery.inference.ends import Ends, find_ends, turn_rows
 from app.discovery.inference.localize import Located, localized
-from app.discovery.inference.mixed_effects import fitted
+from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, habit, weigh
 from app.discovery.residuals.displacement_field import AFTER, Basis
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
-from app.discovery.residuals.sensitivity import STARTS, Step, apart, moved, residuals, steps_of, ways_of
+from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, residuals, steps_of, ways_of
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -75,10 +75,10 @@ def refit(predictor: Predictor, trials: SimulationBatch) -> Theta:
     for turn in range(_REFITS):
         prior = prior_of(catalogue, calibrated, about, own)
         sloped = residuals(predictor, trials, about, own, replicas=2, starts=starts)
-        found = fitted(sloped, prior.variance, prior.mean)
+        found = fit_mixed_effects(sloped, prior.variance, prior.mean)
         before = about
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
-            about = moved(catalogue, about, step, float(share))
+            about = apply_step(catalogue, about, step, float(share))
         settled = max(abs(apart(catalogue, before, about, step)) for step in own) < _SETTLED
         if settled and starts == STARTS:
             break
@@ -107,10 +107,10 @@ def screen(
         steps += force_steps(catalogue)
     data = residuals(predictor, trials, about, steps)
     costs = {cause: found.cost for cause, found in located.items()}
-    return screened(catalogue, calibrated, about, steps, data, costs)
+    return screen_again(catalogue, calibrated, about, steps, data, costs)
 
 
-def screened(
+def screen_again(
     catalogue: Catalogue,
     calibrated: Sequence[str],
     about: Theta,
@@ -122,8 +122,8 @@ def screened(
     prior = prior_of(catalogue, calibrated, about, steps)
     odd_columns = {column for cause in catalogue.causes for column in cause.odd}
     odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
-    ends = found_ends(data, prior, odd)
-    data, chosen = turned(data, ends, odd), (len(ends) - 1) * np.log(2)
+    ends = find_ends(data, prior, odd)
+    data, chosen = turn_rows(data, ends, odd), (len(ends) - 1) * np.log(2)
     asked = list[tuple[str, list[int], float]]()
     features = columns_of_features(steps)
     free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)

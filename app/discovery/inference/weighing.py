@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Cause, Family
-from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fitted
+from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fit_mixed_effects
 from app.discovery.residuals.rows import Residuals
 
 HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
@@ -227,7 +227,7 @@ def dispersion(fit: MixedEffectsFit, nuisance: Sequence[int]) -> float:
     return max(1.0, float(np.median((efficient**2).sum(0)[sound] / model[sound])))
 
 
-def projected(
+def project_out(
     A: Float64[np.ndarray, "P P"], prior: Prior, own: Sequence[int]
 ) -> tuple[list[int], Float64[np.ndarray, "R Q"], Float64[np.ndarray, "Q Q"]]:
     """All else projected out of some columns: the other columns, the projection, and the information that is left.
@@ -245,7 +245,7 @@ def _strength(finding: HypothesisResult) -> float:
 
 
 def _fit(data: Residuals, prior: Prior, starts: Sequence[Covariances | None]) -> MixedEffectsFit:
-    return fitted(data, prior.variance, prior.mean, starts)
+    return fit_mixed_effects(data, prior.variance, prior.mean, starts)
 
 
 def _finding(

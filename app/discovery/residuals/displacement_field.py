@@ -71,7 +71,7 @@ class Basis:
         return np.linalg.lstsq(flat, rows.T, rcond=None)[0].T.reshape(*displacement.shape[:-2], -1)
 
 
-def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
+def register(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
     """The amplitudes [m] that move the predicted cloud onto the observed one."""
     x, y = predicted[:, :2].astype(np.float64), observed[:, :2].astype(np.float64)
     forth, left = basis.vectors[:, :, 0], basis.vectors[:, :, 1]

@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 
 from app.core.geometry.track import Track
 from app.core.types import Points
-from app.discovery.dataset.labels import label_of, labelled, middles_of
+from app.discovery.dataset.labels import label_of, label_particles, middles_of
 from app.discovery.dataset.model_under_test import ROD_NUMERICS, Catalogue, Subject, Theta
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
@@ -124,7 +124,7 @@ class SimulationBatch:
 def prepare(study: Study, subject: Subject) -> SimulationBatch:
     """Label particles by their place along the object, and find when the tool could touch it."""
     pushes = study.pushes
-    labels, middles = labelled([push.before.points for push in pushes], subject.rods)
+    labels, middles = label_particles([push.before.points for push in pushes], subject.rods)
     during = [_midway(push, subject) for push in pushes]
     low = [_low_interval(push.track, subject.low_m) for push in pushes]
     starts = np.array([first - _LEAD_S for first, _ in low])

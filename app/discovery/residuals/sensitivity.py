@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import NUMERICS, Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
-from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, registered
+from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, register
 from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch
 from app.discovery.residuals.rows import Block, Residuals
 
@@ -63,12 +63,12 @@ def steps_of(catalogue: Catalogue, calibrated: Sequence[str], places: Places) ->
     """A step for each parameter that makes a cause, nuisances first; of a cause with a place one for each of them."""
     steps = [Step(cause=name, column=catalogue.column(name), size=_NUISANCE_STEP, sides=2) for name in calibrated]
     for cause in catalogue.causes:
-        for given in _asked(catalogue, cause, places.get(cause.name, _NOWHERE)):
+        for given in _requested(catalogue, cause, places.get(cause.name, _NOWHERE)):
             steps += [switch_of(catalogue, cause, column, given) for column in cause.columns[: cause.switches]]
     return steps
 
 
-def _asked(
+def _requested(
     catalogue: Catalogue, cause: Cause, places: Float64[np.ndarray, "S 2"]
 ) -> list[tuple[tuple[int, float], ...]]:
     """Places, times or shapes at which a cause is asked about: values of the parameters that do not make it vanish."""
@@ -94,7 +94,7 @@ def switch_of(catalogue: Catalogue, cause: Cause, column: int, given: tuple[tupl
     return Step(cause=cause.name, column=column, size=size, sides=1 if one_sided else 2, given=given)
 
 
-def moved(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta:
+def apply_step(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta:
     """`about` with a share of a step added to it."""
     theta = about.copy()
     for column, value in step.given:
@@ -122,13 +122,13 @@ def residuals(
     beginnings = [trials]
     if predictor.subject.rods is not None:
         beginnings += [trials.disturbed(seed) for seed in range(starts - 1)]
-    runs = [_simulated(predictor, beginning, about, steps, changes) for beginning in beginnings]
+    runs = [_simulate(predictor, beginning, about, steps, changes) for beginning in beginnings]
     base, displaced = _mean_of(runs)
     if not replicas or len(beginnings) > 1:
         disturbed = [one for one, _ in runs][: replicas and starts]
     else:
         disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
-    clouds = _assembled(trials, base, displaced, [change.apart for change in changes], disturbed)
+    clouds = _assemble(trials, base, displaced, [change.apart for change in changes], disturbed)
     direct = direct_rows(predictor, trials, about, changes)
     spread = np.concatenate([clouds.spread, clouds.J * _erring(catalogue, steps)], axis=2)
     still = np.zeros((*direct.r.shape, spread.shape[2]))
@@ -153,9 +153,9 @@ def _erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, 
 
 def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:
     """The models at a step's ends; they may be less far apart than it asks, as ranges end somewhere."""
-    here = moved(catalogue, about, step, 0.0)
-    up = moved(catalogue, about, step, 1.0)
-    down = moved(catalogue, about, step, -1.0) if step.sides == 2 else here
+    here = apply_step(catalogue, about, step, 0.0)
+    up = apply_step(catalogue, about, step, 1.0)
+    down = apply_step(catalogue, about, step, -1.0) if step.sides == 2 else here
     return Change(up, down, apart(catalogue, down, up, step))
 
 
@@ -168,10 +168,14 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     catalogue = predictor.catalogue
     usual = change_of(catalogue, about, step)
     at_null = about[step.column] == catalogue.specs[step.column].nominal
-    if step.column not in _told(catalogue) or not at_null or any(push.measured is None for push in trials.study.pushes):
+    if (
+        step.column not in _encoder_rows(catalogue)
+        or not at_null
+        or any(push.measured is None for push in trials.study.pushes)
+    ):
         return usual
-    here, signs = moved(catalogue, about, step, 0.0), (1.0, -1.0)[: step.sides]
-    ends = [moved(catalogue, about, step, sign * size) for sign in signs for size in _TOLD_SIZES]
+    here, signs = apply_step(catalogue, about, step, 0.0), (1.0, -1.0)[: step.sides]
+    ends = [apply_step(catalogue, about, step, sign * size) for sign in signs for size in _TOLD_SIZES]
     ends = [end for end in ends if end[step.column] != here[step.column]]
     if not ends:
         return usual
@@ -180,7 +184,7 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     return Change(end, here, far) if far > 0 else Change(here, end, -far)
 
 
-def _told(catalogue: Catalogue) -> frozenset[int]:
+def _encoder_rows(catalogue: Catalogue) -> frozenset[int]:
     """Columns of errors that the arm itself measures."""
     return frozenset(
         first + number
@@ -204,12 +208,12 @@ def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int
     return found
 
 
-def _simulated(
+def _simulate(
     predictor: Predictor, trials: SimulationBatch, about: Theta, steps: Sequence[Step], changes: Sequence[Change]
 ) -> tuple[PushParticles, list[tuple[PushParticles, PushParticles]]]:
     """The model's own predictions, and those of both ends of every change. NaN where nothing changes."""
     thetas, where = [about], [np.ones(len(trials), bool)]
-    at, felt = dict[tuple[int, int], int](), _felt(predictor.catalogue, trials)
+    at, felt = dict[tuple[int, int], int](), _force_rows(predictor.catalogue, trials)
     for number, (step, change) in enumerate(zip(steps, changes, strict=True)):
         if _is_compiled(predictor, step):
             continue
@@ -262,7 +266,7 @@ def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray,
     return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
 
 
-def _felt(catalogue: Catalogue, trials: SimulationBatch) -> Bool[np.ndarray, " P"]:
+def _force_rows(catalogue: Catalogue, trials: SimulationBatch) -> Bool[np.ndarray, " P"]:
     """Mask of the parameters that can change a prediction: not those of the arm that its own log contains."""
     felt = np.ones(len(catalogue.specs), bool)
     if all(push.measured is not None for push in trials.study.pushes):
@@ -289,7 +293,7 @@ def _single(found: PushParticles) -> PushParticles:
     return PushParticles(found.during[0], found.after[0])
 
 
-def _assembled(
+def _assemble(
     trials: SimulationBatch,
     base: PushParticles,
     changes: Sequence[PushParticles],
@@ -308,7 +312,7 @@ def _assembled(
             if (name == "during" and not trials.has_during[k]) or not np.isfinite(predicted).all():
                 continue
             basis = Basis.along(predicted, trials.labels[k, :, 0])
-            r[k, rows] = registered(predicted, observed, basis)
+            r[k, rows] = register(predicted, observed, basis)
             if changes:
                 displaced = np.stack([getattr(each, name)[k][:, :2] for each in changes])
                 J[k, rows] = basis.projected(np.nan_to_num(displaced.astype(np.float64))).T * scale

@@ -39,7 +39,7 @@ def formula_of(subject: Subject, found: AcceptedFormula) -> Formula:
         own = tuple(estimates[name] for name in _PLACE if name in estimates)
         about_m = np.array([MIDDLE_X, MIDDLE_Y]) + found.catalogue.origin_m
         middle = _middle(values, about_m)
-        said = _placed(values, middle, about_m)
+        said = _place(values, middle, about_m)
         terms.append(Term(formula=said.formula, words=said.words, estimates=(*own, *_about(found, middle))))
     for feature in (feature for feature in found.features if feature in _MOVING):
         said = _MOVING[feature](*(values[name] for name in FEATURES[feature]))
@@ -50,14 +50,14 @@ def formula_of(subject: Subject, found: AcceptedFormula) -> Formula:
     return Formula(text=text, words=f"{words[0].upper()}{words[1:]}.", terms=tuple(terms))
 
 
-def _placed(
+def _place(
     values: Mapping[str, float], middle: Float64[np.ndarray, "2"] | None, about_m: Float64[np.ndarray, "2"]
 ) -> _Said:
     """A push, or what spreads, swirls and stretches about a point."""
     push = np.array([values["push_x"], values["push_y"]])
     linear = {name: values[name] for name in _PLACE[2:] if name in values}
     if not linear:
-        return _Said(_vector(push), f"a push {_headed(push)}")
+        return _Said(_vector(push), f"a push {_heading(push)}")
     if middle is None:
         said = _symbols(linear, f"(x - ({about_m[0]:g}, {about_m[1]:g}) m)")
         return _Said(f"{_vector(push)} + {said}", "a push that changes with place, about no point of the table")
@@ -149,7 +149,7 @@ def _sideways_rate(rate: float) -> _Said:
 
 def _growth(x: float, y: float) -> _Said:
     growth = np.array([x, y])
-    return _Said(f"t {_vector(growth)}", f"in the course of the session a further push {_headed(growth)}")
+    return _Said(f"t {_vector(growth)}", f"in the course of the session a further push {_heading(growth)}")
 
 
 _MOVING = {
@@ -175,6 +175,6 @@ def _vector(share: Float64[np.ndarray, "2"]) -> str:
     return f"({share[0]:.3g}, {share[1]:.3g})"
 
 
-def _headed(share: Float64[np.ndarray, "2"]) -> str:
+def _heading(share: Float64[np.ndarray, "2"]) -> str:
     heading = np.degrees(np.arctan2(share[1], share[0]))
     return f"by {np.linalg.norm(share):.0%} of the weight, {heading:.0f} degrees from x"

@@ -14,12 +14,12 @@ from jaxtyping import Float32, Float64
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.inference.decide import left_out_thetas, theta_of
-from app.discovery.inference.mixed_effects import fitted
+from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.residuals.displacement_field import Basis, registered
+from app.discovery.residuals.displacement_field import Basis, register
 from app.discovery.residuals.predict import Predictor, SimulationBatch
-from app.discovery.residuals.sensitivity import moved
+from app.discovery.residuals.sensitivity import apply_step
 from app.discovery.results.case import Example, Gain
 
 Clouds: TypeAlias = Float32[np.ndarray, "K N 3"]
@@ -47,12 +47,14 @@ class Folds(NamedTuple):
     extended: Mapping[int, Theta]
 
 
-def gained(predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel | None) -> Gained:
+def measure_gain(
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel | None
+) -> Gained:
     """Errors over one push and over several, with and without the extension."""
     folds = _folds(predictor, screening, model)
     planned = _as_planned(trials)
-    ends = [_predicted(predictor, planned, folds.nominal)]
-    ends.append(ends[0] if model is None else _predicted(predictor, planned, folds.extended))
+    ends = [_predict(predictor, planned, folds.nominal)]
+    ends.append(ends[0] if model is None else _predict(predictor, planned, folds.extended))
     still = _errors_mm(planned, np.stack([push.before.points for push in trials.study.pushes]))
     errors = np.stack([_errors_mm(planned, end) for end in ends], axis=1)
     # A push that the simulation does not survive is as good as one of which it says that nothing moves.
@@ -85,10 +87,10 @@ def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | Non
     nominal = dict[int, Theta]()
     for number in np.unique(data.episode).tolist():
         rest = data.without(number)
-        fit = fitted(replace(rest, J=rest.J[:, :, own]), variance)
+        fit = fit_mixed_effects(replace(rest, J=rest.J[:, :, own]), variance)
         theta = screening.about
         for n, share in zip(own, np.clip(fit.theta, -1, 1), strict=True):
-            theta = moved(catalogue, theta, screening.steps[n], float(share))
+            theta = apply_step(catalogue, theta, screening.steps[n], float(share))
         nominal[number] = theta
     if model is None:
         return Folds(nominal, nominal)
@@ -102,7 +104,7 @@ def _as_planned(trials: SimulationBatch) -> SimulationBatch:
     return replace(trials, study=replace(trials.study, pushes=pushes))
 
 
-def _predicted(predictor: Predictor, trials: SimulationBatch, thetas: Mapping[int, Theta]) -> Clouds:
+def _predict(predictor: Predictor, trials: SimulationBatch, thetas: Mapping[int, Theta]) -> Clouds:
     """Predicted object after each push (K, N, 3), by the model of its episode."""
     episode = np.array([push.episode for push in trials.study.pushes])
     numbers = list(thetas)
@@ -120,7 +122,7 @@ def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
     if not np.isfinite(predicted).all():
         return float("nan")
     basis = Basis.along(predicted, trials.labels[k, :, 0])
-    field = basis.field(registered(predicted, trials.observed.after[k], basis))
+    field = basis.field(register(predicted, trials.observed.after[k], basis))
     return _MM * float(np.linalg.norm(field, axis=1).mean())
 
 
@@ -145,7 +147,7 @@ def _further(
             if not follow:
                 return errors
             chained = trials.begun_from({k + 1: starts[side][k] for k in follow})
-            found = _predicted(predictor, chained, thetas)
+            found = _predict(predictor, chained, thetas)
             row.append(float(np.nanmean(_errors_mm(chained, found))))
             starts[side] = {k + 1: (starts[side][k][0], cloud) for k, cloud in zip(follow, found, strict=True)}
         errors.append(np.array(row))

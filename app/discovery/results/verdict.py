@@ -8,7 +8,7 @@ from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
 from app.discovery.inference.decide import NAMED, TEMPERATURE, ModelSelection
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.inference.weighing import Z90, projected
+from app.discovery.inference.weighing import Z90, project_out
 from app.discovery.results.case import CauseResult, Estimate, Formula, Limit, Name, Power
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import LEFT
@@ -123,7 +123,7 @@ def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> t
     for suspect in screening.suspects:
         for column, step in zip(suspect.columns, suspect.steps, strict=True):
             spec = catalogue.specs[step.column]
-            information = float(projected(A, screening.prior, [column])[2][0, 0])
+            information = float(project_out(A, screening.prior, [column])[2][0, 0])
             needed = np.sqrt(2 * _NAMEABLE / information) if information > 0 else np.inf
             null, typical = spec.nominal, spec.typical
             assert typical is not None
@@ -162,12 +162,12 @@ def sentences_of(
     if verdict == "none":
         return _nothing(probabilities)
     if verdict == "none_of_these":
-        return _unnamed(left, formula, gain_text)
+        return _unnamed_of(left, formula, gain_text)
     more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
-    parts = " and ".join(f"{_said(blame.effect)} ({_sized(blame)})" for blame in causes)
+    parts = " and ".join(f"{_said(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
     return (f"What the simulation lacks is {parts}.", gain_text, *more)
 
 
@@ -195,14 +195,14 @@ def _one_of(causes: Sequence[CauseResult]) -> str:
     return " or ".join([*few, *more])
 
 
-def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
+def _unnamed_of(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
     first = f"Something acts that no known cause explains, with a probability of {left:.0%}."
     if formula is None:
         return (first, "No force that was tried predicts pushes that it was not fitted to: the model is left as it is.")
     return (first, f"It is best said as a force. {formula.words}", gain_text)
 
 
-def _sized(blame: CauseResult) -> str:
+def _sizes_of(blame: CauseResult) -> str:
     """Each parameter in words with its value; its name if it has no description."""
     return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
-from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out, is_earned
-from app.discovery.inference.refine import RefinedModel, refine, started
+from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out_gain, is_earned
+from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import HypothesisResult, Prior, log_evidence, weigh
 from app.discovery.residuals.forces import FEATURES, FORMULA, parameters, with_formula
@@ -55,7 +55,7 @@ class _Rival(NamedTuple):
     accepted: bool
 
 
-def opened(
+def fit_unexplained_force(
     predictor: Predictor, trials: SimulationBatch, screening: Screening, decision: ModelSelection, said: Progress
 ) -> UnexplainedForce:
     """Test the residuals of the decision, and look for a formula that explains them better."""
@@ -63,7 +63,7 @@ def opened(
     nothing = known.beside_nothing(screening)
     beside = nothing if decision.accepted is None else known.beside(decision.accepted)
     left = leftover(beside)
-    found = _searched(predictor, trials, known.screening(screening, nothing), nothing, said)
+    found = _search(predictor, trials, known.screening(screening, nothing), nothing, said)
     if found is None:
         return UnexplainedForce(left, None)
     rivals = _rivals(known, nothing, decision, beside)
@@ -73,7 +73,7 @@ def opened(
     return UnexplainedForce(left._replace(probability=max(left.probability, something_left([gain]))), found)
 
 
-def _searched(
+def _search(
     predictor: Predictor, trials: SimulationBatch, screening: Screening, wide: Widened, said: Progress
 ) -> AcceptedFormula | None:
     """The best feature, and further ones while each is needed."""
@@ -88,14 +88,14 @@ def _searched(
             break
         features = (*(best.features if best else ()), feature)
         said(f"refitting a force: {', '.join(features).replace('_', ' ')}")
-        better = _refined(predictor, trials, screening, features, best.model.estimate if best else None, suspect)
-        if best is not None and not _needed(best.model, better.model):
+        better = _refine(predictor, trials, screening, features, best.model.estimate if best else None, suspect)
+        if best is not None and not _is_needed(best.model, better.model):
             break
         best, suspects = better, _further(better)
     return best
 
 
-def _refined(
+def _refine(
     predictor: Predictor,
     trials: SimulationBatch,
     screening: Screening,
@@ -105,16 +105,16 @@ def _refined(
 ) -> AcceptedFormula:
     """Refit of these features together, the last from the screening and the others from `about`."""
     catalogue = with_formula(predictor.catalogue, features)
-    start = started(catalogue, screening.about if about is None else about, suspect)
+    start = start_of(catalogue, screening.about if about is None else about, suspect)
     model = refine(Predictor(predictor.subject, catalogue), trials, screening, [(FORMULA, start)])
     return AcceptedFormula(features=features, model=model, catalogue=catalogue)
 
 
-def _needed(simpler: RefinedModel, model: RefinedModel) -> bool:
+def _is_needed(simpler: RefinedModel, model: RefinedModel) -> bool:
     """True if a further feature makes all data likely enough, and left-out episodes more likely."""
     if model.log_evidence < simpler.log_evidence + ENOUGH:
         return False
-    return is_earned(held_out((simpler.data, simpler.prior), model))
+    return is_earned(held_out_gain((simpler.data, simpler.prior), model))
 
 
 def _further(found: AcceptedFormula) -> dict[str, CandidateCause]:
@@ -159,5 +159,5 @@ def _beats(found: AcceptedFormula, rival: _Rival) -> bool:
     if not rival.accepted:
         return gain > 0
     more = len(found.features) + (rival.causes > 0) - rival.causes
-    held = held_out((rival.data, rival.prior), found.model)
+    held = held_out_gain((rival.data, rival.prior), found.model)
     return gain > more * ENOUGH and held.gain > (2 if more > 0 else -2) * held.error

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.inference.decide import TEMPERATURE
-from app.discovery.inference.mixed_effects import QuadraticForms, fitted
+from app.discovery.inference.mixed_effects import QuadraticForms, fit_mixed_effects
 from app.discovery.inference.weighing import Prior, log_bayes_of
 from app.discovery.unexplained.basis_functions import Widened
 
@@ -87,10 +87,10 @@ def _scores(wide: Widened) -> _Scores:
     columns = sorted({column for own in wide.at.values() for column in own})
     prior = wide.prior.wider(columns)
     starts = (wide.weighing.nothing.covariances, None)
-    return projected(fitted(wide.data, prior.variance, prior.mean, starts).forms, wide.prior, columns)
+    return project_onto(fit_mixed_effects(wide.data, prior.variance, prior.mean, starts).forms, wide.prior, columns)
 
 
-def projected(forms: QuadraticForms, prior: Prior, columns: Sequence[int]) -> _Scores:
+def project_onto(forms: QuadraticForms, prior: Prior, columns: Sequence[int]) -> _Scores:
     """The scores of these columns at zero, where all others are at their most probable."""
     own, rest = list(columns), [n for n in range(len(prior.mean)) if n not in set(columns)]
     A, b = forms.A.sum(0), forms.b.sum(0)

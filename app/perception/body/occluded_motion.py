@@ -23,7 +23,7 @@ Plan = Float64[np.ndarray, "P 2"]
 """Points seen from above [m]."""
 
 
-def carried(points: Surface, tool: Tool, way: ToolPath, width_m: float) -> Surface:
+def carry_along(points: Surface, tool: Tool, way: ToolPath, width_m: float) -> Surface:
     """Positions [m, world] of `points` of an object of this width after the tool's path; unchanged without contact.
 
     A gripper and a bowl hold, and do not push.

@@ -25,11 +25,11 @@ def resample(body: Cloud, count: int, *, seed: int) -> Points:
     start = (np.arange(count) + rng.random(count)) * (len(body) / count)
     particles = body[np.argsort(_morton(body), kind="stable")[start.astype(np.intp)]]
     for _ in range(_ROUNDS):
-        particles = _centred(particles, body)
+        particles = _centre(particles, body)
     return particles
 
 
-def _centred(particles: Points, body: Cloud) -> Points:
+def _centre(particles: Points, body: Cloud) -> Points:
     """Each particle moved to the mean of the body's points nearest to it, or unchanged where there are none."""
     _, owner = KDTree(particles).query(body)
     count = np.bincount(owner, minlength=len(particles))

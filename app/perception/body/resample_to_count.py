@@ -11,7 +11,7 @@ FEWEST = 30
 """Fewest points of an object that locate each part of it."""
 
 
-def recounted(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
+def resample_to(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
     """`count` particles that share the cloud evenly; the cloud itself where it has as many.
 
     A cloud of fewer points is densified first, with points halfway between neighbours. Raises ValueError where it has
@@ -21,10 +21,10 @@ def recounted(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
         return cloud
     if len(cloud) < FEWEST:
         raise ValueError(f"{len(cloud)} points are too few; at least {FEWEST} are needed.")
-    return resample(_filled_up(cloud, 2 * count) if len(cloud) < count else cloud, count, seed=seed)
+    return resample(_fill_up(cloud, 2 * count) if len(cloud) < count else cloud, count, seed=seed)
 
 
-def _filled_up(cloud: Cloud, least: int) -> Float32[np.ndarray, "_ 3"]:
+def _fill_up(cloud: Cloud, least: int) -> Float32[np.ndarray, "_ 3"]:
     """The cloud with points halfway to ever farther neighbours, until there are `least`."""
     parts, neighbours = [cloud], np.asarray(KDTree(cloud).query(cloud, k=FEWEST)[1])
     for rank in range(1, FEWEST):

@@ -18,7 +18,7 @@ _SAME_LEVELS = 20
 """Largest change of colour, of 255, of an unchanged surface: noise and JPEG compression."""
 
 
-def steadied(frame: Frame, before: Frame | None) -> Frame:
+def filter_depth(frame: Frame, before: Frame | None) -> Frame:
     """The frame with the readings supported by `before`, of the same camera; unchanged where there is none.
 
     A reading missing in both stays missing. Both are raw frames, so that nothing is carried on for more than one frame.

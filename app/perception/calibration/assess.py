@@ -48,7 +48,7 @@ class Assessment:
 
 def assess(views: Sequence[CalibrationView], target: Target, workspace: Workspace, today: date) -> Assessment:
     """Assess the calibration from at least one view."""
-    solved, lacks = _solved(views, target, today)
+    solved, lacks = _solve(views, target, today)
     eye = about(views, target.pose, target.lens, target.board, "fixed")
     if solved is not None:
         eye = HandEyeSetup(lens=target.lens, board=target.board, setup="fixed", ends=ends_of(solved.found))
@@ -63,7 +63,7 @@ def assess(views: Sequence[CalibrationView], target: Target, workspace: Workspac
     )
 
 
-def _solved(views: Sequence[CalibrationView], target: Target, today: date) -> tuple[Solved | None, str]:
+def _solve(views: Sequence[CalibrationView], target: Target, today: date) -> tuple[Solved | None, str]:
     try:
         return solve(views, "fixed", target.lens, target.board, serial=target.serial, calibrated_at=today), ""
     except PerceptionError as error:

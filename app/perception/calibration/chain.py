@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from app.core.geometry.hand_eye import Setup
 from app.core.geometry.lens import Lens
 from app.core.types import Transform
-from app.perception.calibration.se3 import cross, exp, inverse, moved, transform
+from app.perception.calibration.se3 import cross, exp, inverse, transform, transform_points
 
 Jacobian: TypeAlias = Float64[np.ndarray, "R 12"]
 """Jacobian with respect to X and then Y: rotation about the axes of the outer frame [rad], then translation along
@@ -37,7 +37,7 @@ class Ends:
 
     def shifted(self, by: Float64[np.ndarray, "12"]) -> "Ends":
         """The transforms rotated and shifted by an increment, as in a `Jacobian`."""
-        return Ends(X=_shifted(self.X, by[:6]), Y=_shifted(self.Y, by[6:]))
+        return Ends(X=_shift(self.X, by[:6]), Y=_shift(self.Y, by[6:]))
 
     def board_before(self, H: Float64[np.ndarray, "*stack 4 4"]) -> Float64[np.ndarray, "*stack 4 4"]:
         """`T_camera_board` predicted from the robot's pose."""
@@ -53,7 +53,7 @@ def residuals(
     ends: Ends, H: Transform, points: Float64[np.ndarray, "C 3"], pixels: Float64[np.ndarray, "C 2"], lens: Lens
 ) -> Float64[np.ndarray, " R"]:
     """Reprojection errors of the corners [pixel], shape (2 C,)."""
-    return (lens.project(moved(ends.board_before(H), points)) - pixels).ravel()
+    return (lens.project(transform_points(ends.board_before(H), points)) - pixels).ravel()
 
 
 def slopes(
@@ -65,7 +65,7 @@ def slopes(
     own origin makes that R' (P - t - w x (P - t)).
     """
     turned = points @ ends.Y[:3, :3].T
-    P = moved(H @ ends.Y, points)
+    P = transform_points(H @ ends.Y, points)
     back, gripper = ends.X[:3, :3].T, H[:3, 3] if setup == "fixed" else np.zeros(3)
     whole = np.broadcast_to(np.eye(3), (len(points), 3, 3))
     dq_dX = back @ np.concatenate([cross(P - ends.X[:3, 3]), -whole], axis=2)
@@ -76,7 +76,7 @@ def slopes(
     return both.reshape(-1, 12), (dpixel @ dq_dH).reshape(-1, 6)
 
 
-def whitened(by_H: Float64[np.ndarray, "R 6"], columns: Float64[np.ndarray, "R _"]) -> Float64[np.ndarray, "R _"]:
+def whiten(by_H: Float64[np.ndarray, "R 6"], columns: Float64[np.ndarray, "R _"]) -> Float64[np.ndarray, "R _"]:
     """S^-1 times `columns`, with S the covariance of one view's residuals.
 
     Corner errors are independent, and an error of the gripper's pose moves all of them together: S = s^2 I + B B',
@@ -95,5 +95,5 @@ def _pinhole_slope(q: Float64[np.ndarray, "C 3"], lens: Lens) -> Float64[np.ndar
     return slope
 
 
-def _shifted(T: Transform, by: Float64[np.ndarray, "6"]) -> Transform:
+def _shift(T: Transform, by: Float64[np.ndarray, "6"]) -> Transform:
     return transform(exp(by[:3]) @ T[:3, :3], T[:3, 3] + by[3:])

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.core.geometry.hand_eye import HandEye
 from app.perception.calibration.chain import Ends, outer, residuals
-from app.perception.calibration.se3 import angle, inverse, moved
+from app.perception.calibration.se3 import angle, inverse, transform_points
 from app.perception.calibration.solve import CalibrationView, ends_of
 
 BOUND_M, BOUND_DEG = 0.003, 0.4
@@ -47,7 +47,7 @@ def drift(found: HandEye, view: CalibrationView) -> Drift:
     middle = points.mean(axis=0, keepdims=True)
     off = residuals(Ends(X=ends.X, Y=ends.Y), H, points, view.sight.pixels, found.lens)
     return Drift(
-        moved_m=float(np.linalg.norm(moved(seen, middle) - moved(expected, middle))),
+        moved_m=float(np.linalg.norm(transform_points(seen, middle) - transform_points(expected, middle))),
         turned_deg=float(np.degrees(angle((inverse(expected) @ seen)[:3, :3]))),
         error_px=float(np.sqrt(2 * np.mean(off**2))),
     )

@@ -84,8 +84,8 @@ def check_lens(sights: Sequence[BoardDetection], board: Charuco, lens: Lens) -> 
     """Compare both. Raises PerceptionError where the views are too few or too similar."""
     _check_enough(sights)
     told_px = float(np.sqrt(np.mean([sight.error_px**2 for sight in sights])))
-    fitted_px, K, _, deviation = _fitted(sights, board, lens, radial=False)
-    bent_px, K_bent, bent, _ = _fitted(sights, board, lens, radial=True)
+    fitted_px, K, _, deviation = _fit(sights, board, lens, radial=False)
+    bent_px, K_bent, bent, _ = _fit(sights, board, lens, radial=True)
     seen = np.concatenate([sight.pixels for sight in sights])
     moves = Lens(width=lens.width, height=lens.height, K=K_bent, distortion=bent).ideal(seen) - seen
     return LensCheck(
@@ -116,7 +116,7 @@ def _check_enough(sights: Sequence[BoardDetection]) -> None:
         )
 
 
-def _fitted(
+def _fit(
     sights: Sequence[BoardDetection], board: Charuco, lens: Lens, *, radial: bool
 ) -> tuple[float, Float64[np.ndarray, "3 3"], Distortion, Float64[np.ndarray, "4"]]:
     """Reprojection error [pixel], K, distortion, and the standard deviations of fx, fy, cx, cy."""

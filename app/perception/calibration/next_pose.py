@@ -19,7 +19,7 @@ from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.refine import Corners, information
-from app.perception.calibration.se3 import angle, exp, inverse, mean, moved, transform
+from app.perception.calibration.se3 import angle, exp, inverse, mean, transform, transform_points
 from app.perception.calibration.solve import CalibrationView, corners_of
 
 _DRAWN, _WEIGHED = 4000, 60
@@ -103,7 +103,7 @@ def _drawn(
 
 def _seen(eye: HandEyeSetup, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
     """Mask of the poses in which the whole board is in the image and faces the camera."""
-    outline = moved(C, np.broadcast_to(eye.board.outline(), (len(C), 4, 3)))
+    outline = transform_points(C, np.broadcast_to(eye.board.outline(), (len(C), 4, 3)))
     ahead = np.all(outline[..., 2] > _NEAREST_M / 2, axis=1)
     pixels = eye.lens.project(np.maximum(outline, [-np.inf, -np.inf, _NEAREST_M / 2]))
     most = np.array([eye.lens.width, eye.lens.height]) - _BORDER_PX
@@ -125,7 +125,7 @@ def _reached(
     near = angle(grippers[:, :3, :3] @ mean(poses)[:3, :3].T) < _REACH_RAD
     if eye.setup == "wrist":
         return inside & near
-    outline = moved(H @ eye.ends.Y, np.broadcast_to(eye.board.outline(), (len(H), 4, 3)))
+    outline = transform_points(H @ eye.ends.Y, np.broadcast_to(eye.board.outline(), (len(H), 4, 3)))
     return inside & near & np.all(outline[..., 2] > _CLEAR_M, axis=1)
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float64
 from app.core.geometry.hand_eye import Setup
 from app.core.geometry.lens import Lens
 from app.core.types import Transform
-from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, Ends, residuals, slopes, whitened
+from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, Ends, residuals, slopes, whiten
 
 _ROUNDS = 30
 _STILL = 1e-9
@@ -60,10 +60,10 @@ class Refined:
 def refine(begun: Ends, views: Sequence[Corners], lens: Lens, setup: Setup) -> Refined:
     """Refine `begun`, first with robust weights on every view, then with the inliers alone."""
     chain = _Chain(views, lens, setup)
-    doubted = _descended(begun, chain, np.ones(len(views), bool), doubting=True)
+    doubted = _descend(begun, chain, np.ones(len(views), bool), doubting=True)
     lengths = chain.lengths(doubted)
     kept = lengths < _OUTLIER * _scale(lengths)
-    ends = _descended(doubted, chain, kept, doubting=False)
+    ends = _descend(doubted, chain, kept, doubting=False)
     told = chain.told(ends)
     return Refined(
         ends=ends,
@@ -78,7 +78,7 @@ def refine(begun: Ends, views: Sequence[Corners], lens: Lens, setup: Setup) -> R
 def information(ends: Ends, view: Corners, lens: Lens, setup: Setup) -> Float64[np.ndarray, "12 12"]:
     """Information matrix of the ends from one view: J' S^-1 J, with S the covariance of its residuals."""
     J, by_H = slopes(ends, view.H, view.points, lens, setup)
-    return J.T @ whitened(by_H, J)
+    return J.T @ whiten(by_H, J)
 
 
 @final
@@ -113,7 +113,7 @@ class _Chain(NamedTuple):
     def _of(self, ends: Ends, view: Corners) -> _Told:
         J, by_H = slopes(ends, view.H, view.points, self.lens, self.setup)
         r = residuals(ends, view.H, view.points, view.pixels, self.lens)
-        white = whitened(by_H, np.concatenate([J, r[:, None]], axis=1))
+        white = whiten(by_H, np.concatenate([J, r[:, None]], axis=1))
         error, length = _pose_error(by_H, r)
         return _Told(
             N=J.T @ white[:, :12],
@@ -135,7 +135,7 @@ def _pose_error(
     return error, float(np.sqrt(error @ np.linalg.solve(spread, error)))
 
 
-def _descended(begun: Ends, chain: _Chain, kept: Bool[np.ndarray, " V"], *, doubting: bool) -> Ends:
+def _descend(begun: Ends, chain: _Chain, kept: Bool[np.ndarray, " V"], *, doubting: bool) -> Ends:
     """Gauss-Newton descent with Levenberg damping where a step raises the cost, views reweighted at each step."""
     ends, told, brake = begun, chain.told(begun), 1e-6
     for _ in range(_ROUNDS):

@@ -25,7 +25,7 @@ def transform(rotation: Float[np.ndarray, "*stack 3 3"], origin: Vectors) -> Tra
     return T
 
 
-def moved(T: Transforms, points: Float[np.ndarray, "*stack N 3"]) -> Float[np.ndarray, "*stack N 3"]:
+def transform_points(T: Transforms, points: Float[np.ndarray, "*stack N 3"]) -> Float[np.ndarray, "*stack N 3"]:
     """The points in the other frame."""
     return points @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
 

@@ -12,7 +12,7 @@ from app.core.errors import PerceptionError
 from app.core.geometry.charuco import DICTIONARIES, MARKERS, Charuco
 from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
-from app.perception.calibration.se3 import moved, transform
+from app.perception.calibration.se3 import transform, transform_points
 
 Pixels: TypeAlias = Float64[np.ndarray, "C 2"]
 """Column and row [pixel] of an ideal pinhole camera, counted from the centre of the top left pixel."""
@@ -148,13 +148,13 @@ def _refit(
 ) -> tuple[Transform, float]:
     turn, place = cv2.solvePnPRefineLM(points, pixels, lens.K, np.zeros(5), turn.copy(), place.copy())
     T = transform(cv2.Rodrigues(turn)[0], place[:, 0])
-    if not np.all(np.isfinite(T)) or np.any(moved(T, points)[:, 2] <= 0):
+    if not np.all(np.isfinite(T)) or np.any(transform_points(T, points)[:, 2] <= 0):
         return T, float("inf")
-    off = lens.project(moved(T, points)) - pixels
+    off = lens.project(transform_points(T, points)) - pixels
     return T, float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 
 def _check_flat(T_camera_board: Transform, points: Float64[np.ndarray, "C 3"]) -> None:
-    middle = moved(T_camera_board, points).mean(axis=0)
+    middle = transform_points(T_camera_board, points).mean(axis=0)
     if abs(T_camera_board[:3, 2] @ middle) / np.linalg.norm(middle) < _EDGE_ON:
         raise PerceptionError("The board is seen almost edge on; turn it more towards the camera.")

@@ -49,14 +49,14 @@ def hull(sights: Sequence[CameraObservation], box: Box, kept: Float32[np.ndarray
     views = [_silhouette(sight) for sight in sights]
     low, high = np.asarray(box.low), np.asarray(box.high)
     coarse = _grid(low, high, VOXEL_M * _COARSE)
-    coarse = coarse[_allowed(coarse, views, VOXEL_M * _COARSE)]
+    coarse = coarse[_allowed_mask(coarse, views, VOXEL_M * _COARSE)]
     if not len(coarse):
         return Hull(inside=coarse, surface=coarse)
     offsets = _grid(np.full(3, -VOXEL_M * _COARSE / 2), np.full(3, VOXEL_M * _COARSE / 2), VOXEL_M)
     fine = (coarse[:, None] + offsets).reshape(-1, 3)
-    fine = fine[_allowed(fine, views, 0.0) & box.holds(fine)]
-    fine = fine[_supported(fine, views) | _under(fine, kept)]
-    surface, edge_m = fine[_rim(fine) & _supported(fine, views)], VOXEL_M
+    fine = fine[_allowed_mask(fine, views, 0.0) & box.holds(fine)]
+    fine = fine[_is_supported(fine, views) | _under(fine, kept)]
+    surface, edge_m = fine[_rim(fine) & _is_supported(fine, views)], VOXEL_M
     while 0 < len(fine) < at_least:
         edge_m /= 2
         fine = (fine[:, None] + _grid(np.full(3, -edge_m), np.full(3, edge_m), edge_m)).reshape(-1, 3)
@@ -84,26 +84,26 @@ def _away(mask: Bool[np.ndarray, "height width"]) -> Pixels:
     return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
 
 
-def _allowed(points: Cloud, views: Sequence[_Silhouette], edge_m: float) -> Bool[np.ndarray, " M"]:
+def _allowed_mask(points: Cloud, views: Sequence[_Silhouette], edge_m: float) -> Bool[np.ndarray, " M"]:
     """Mask of the voxels of this edge that no view excludes; for an edge of 0 their centres count."""
     keep = np.ones(len(points), bool)
     for view in views:
-        away, z, inside = _looked_up(view.to_allowed, points, view.camera)
+        away, z, inside = _look_up(view.to_allowed, points, view.camera)
         reach = edge_m / 2 * 3**0.5 * view.camera.K[0, 0] / np.where(inside, z, 1.0)
         keep &= ~inside | (away <= reach)
     return keep
 
 
-def _supported(points: Cloud, views: Sequence[_Silhouette]) -> Bool[np.ndarray, " M"]:
+def _is_supported(points: Cloud, views: Sequence[_Silhouette]) -> Bool[np.ndarray, " M"]:
     """Mask of the voxels in which some view shows the object."""
     shown = np.zeros(len(points), bool)
     for view in views:
-        away, _, inside = _looked_up(view.to_own, points, view.camera)
+        away, _, inside = _look_up(view.to_own, points, view.camera)
         shown |= inside & (away == 0)
     return shown
 
 
-def _looked_up(image: Pixels, points: Cloud, camera: CameraModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _look_up(image: Pixels, points: Cloud, camera: CameraModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values of the image at the points, their depths [m], and the mask of the points in the image."""
     column, row, z = np.nan_to_num(project(points, camera), nan=-1.0).T
     inside = (z > 0) & (column > -0.5) & (row > -0.5) & (column < camera.width - 0.5) & (row < camera.height - 0.5)

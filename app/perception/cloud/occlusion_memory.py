@@ -60,11 +60,11 @@ class Recalled(NamedTuple):
     expired: int
 
 
-def recalled(memory: Memory, sights: Sequence[CameraObservation], table_m: float, *, since_s: float) -> Recalled:
+def recall(memory: Memory, sights: Sequence[CameraObservation], table_m: float, *, since_s: float) -> Recalled:
     """The part of `memory` that is hidden now and was seen after `since_s` [s]."""
     keeps, goes = np.zeros(len(memory.points), bool), np.zeros(len(memory.points), bool)
     for sight in sights:
-        hidden, answered = _judged(memory.points, sight, table_m)
+        hidden, answered = _judge(memory.points, sight, table_m)
         keeps |= hidden
         goes |= answered
     hidden, young = keeps & ~goes, memory.seen_s >= since_s
@@ -81,7 +81,7 @@ def beside(kept: Memory, seen: Cloud) -> Memory:
     return Memory(points=kept.points[apart], seen_s=kept.seen_s[apart])
 
 
-def renewed(seen: Cloud, kept: Memory, now_s: float) -> Memory:
+def renew(seen: Cloud, kept: Memory, now_s: float) -> Memory:
     """Memory of the points seen now and those kept."""
     return Memory(
         points=np.concatenate([seen, kept.points]),
@@ -89,7 +89,7 @@ def renewed(seen: Cloud, kept: Memory, now_s: float) -> Memory:
     )
 
 
-def _judged(points: Float32[np.ndarray, "R 3"], sight: CameraObservation, table_m: float) -> tuple[Which, Which]:
+def _judge(points: Float32[np.ndarray, "R 3"], sight: CameraObservation, table_m: float) -> tuple[Which, Which]:
     """Masks of the points that this image hides, and of those that it locates or contradicts.
 
     Neither holds for points outside the image and those that the object itself hides: it may have moved over them.

@@ -76,7 +76,7 @@ def plane_of_points(points: Cloud) -> TablePlane | None:
     if len(x) < _LEAST_POINTS:
         return None
     x = x[np.linspace(0, len(x) - 1, min(len(x), _MOST_POINTS)).round().astype(int)]
-    plane, off = _fitted(x)
+    plane, off = _fit(x)
     noise = _MEDIAN_TO_SD * float(np.median(np.abs(off)))
     uneven, sure = _uneven(plane, x, off, noise)
     return TablePlane(
@@ -100,10 +100,10 @@ def plane_of_clouds(clouds: Sequence[Cloud]) -> TablePlane | None:
     if len(lowest) < _LEAST_POINTS or narrow < _WIDE_M / 2:
         middle = np.array([*x[:, :2].mean(0), np.median(lowest[:, 2])])
         return TablePlane(middle=middle, normal=np.array([0.0, 0.0, 1.0]))
-    return _fitted(lowest)[0]
+    return _fit(lowest)[0]
 
 
-def _fitted(x: _Points) -> tuple[TablePlane, Float64[np.ndarray, " M"]]:
+def _fit(x: _Points) -> tuple[TablePlane, Float64[np.ndarray, " M"]]:
     """The plane, which is not upright, and each point's height above it."""
     middle = np.median(x, axis=0)
     rows = np.concatenate([(x[:, :2] - middle[:2]) / _ARM_M, np.ones((len(x), 1))], axis=1)

@@ -36,7 +36,7 @@ class ViewDiagnostics:
     apart_m: float
 
 
-def thinned(mask: Mask) -> Bool[np.ndarray, "rows columns"]:
+def thin_out(mask: Mask) -> Bool[np.ndarray, "rows columns"]:
     """Every n-th pixel of a mask, so that about 320 are left across."""
     step = max(mask.shape[1] // _WIDTH, 1)
     return np.ascontiguousarray(mask[::step, ::step])

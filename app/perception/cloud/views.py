@@ -13,7 +13,7 @@ from app.perception.cloud.depth import behind_an_edge, deproject
 from app.perception.cloud.fuse import Box, merge, not_seen_through, without_outliers
 from app.perception.cloud.occlusion_memory import CameraObservation
 from app.perception.cloud.robot_mask import Shadow
-from app.perception.cloud.view_diagnostics import ViewDiagnostics, apart_m, thinned
+from app.perception.cloud.view_diagnostics import ViewDiagnostics, apart_m, thin_out
 
 _NEIGHBOURS = 8
 _SPREAD = 3.0
@@ -74,13 +74,13 @@ def surface(views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
     return without_outliers(merge(clouds, sieve.voxel_m), _NEIGHBOURS, _SPREAD)
 
 
-def told(views: Sequence[ObjectView]) -> tuple[ViewDiagnostics, ...]:
+def diagnostics_of(views: Sequence[ObjectView]) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, for the operator."""
     apart = apart_m([view.points for view in views])
     return tuple(
         ViewDiagnostics(
             camera=view.frame.camera.name,
-            mask=thinned(view.mask),
+            mask=thin_out(view.mask),
             pixels=view.pixel_count,
             points=len(view.points),
             apart_m=away_m,

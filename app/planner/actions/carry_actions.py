@@ -153,7 +153,7 @@ class Carries:
         """
         path = self._measured(tool)
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-        shares = _eased(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0))
+        shares = _ease(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0))
         points = np.stack([np.interp(shares * arc[-1], arc, column) for column in path.T], axis=1)
         turn = np.tile(_UPRIGHT, (len(points), 1))
         return np.concatenate([points[:, :3], turn, points[:, 3:]], axis=1).astype(np.float32)
@@ -190,11 +190,11 @@ class Carries:
 
     def _interpolation(self) -> Float32[np.ndarray, "T W"]:
         """Maps waypoints to places at substeps: row s holds the two weights of substep s."""
-        at = _eased(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0)) * self.moves
+        at = _ease(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0)) * self.moves
         return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(self.moves + 1))).astype(np.float32)
 
 
-def _eased(time: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+def _ease(time: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
     """The share of the way made at shares of the time: speed rises evenly, stays, and falls evenly."""
     way = np.where(time < _RAMP, time**2 / (2 * _RAMP), time - _RAMP / 2)
     return np.where(time > 1 - _RAMP, 1 - _RAMP - (1 - time) ** 2 / (2 * _RAMP), way) / (1 - _RAMP)

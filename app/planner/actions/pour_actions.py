@@ -80,7 +80,7 @@ class Pours:
         shift, turn = _no_longer(actions[:, :3], self.max_shift_m), _no_longer(actions[:, 3:], self.max_turn_rad)
         place = now.tool[:, :3]
         shift = jnp.clip(place + shift, jnp.asarray(self.low), jnp.asarray(self.high)) - place
-        before, after = tilt(now.tool[:, 3:7]), tilt(_turned(turn, now.tool[:, 3:7]))
+        before, after = tilt(now.tool[:, 3:7]), tilt(_turn(turn, now.tool[:, 3:7]))
         share = jnp.clip((self.max_tilt_rad - before) / jnp.maximum(after - before, _EDGE_RAD), 0.0, 1.0)
         share = jnp.where(after > self.max_tilt_rad, share, 1.0)
         return jnp.concatenate([shift, share[:, None] * turn], axis=1)
@@ -102,19 +102,17 @@ class Pours:
         """Place and turn from upright of the bowl."""
         share = jnp.asarray(self._shares())[None, :, None]
         places = tool[:, None, :3] + share * actions[:, None, :3]
-        turns = _turned(share * actions[:, None, 3:], tool[:, None, 3:7])
+        turns = _turn(share * actions[:, None, 3:], tool[:, None, 3:7])
         return jnp.concatenate([places, from_upright(turns)], axis=-1)
 
     def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
         """Shifted and turned."""
-        return jnp.concatenate(
-            [tool[:, :3] + actions[:, :3], _turned(actions[:, 3:], tool[:, 3:7]), tool[:, 7:]], axis=1
-        )
+        return jnp.concatenate([tool[:, :3] + actions[:, :3], _turn(actions[:, 3:], tool[:, 3:7]), tool[:, 7:]], axis=1)
 
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
         """Straight on from where the tool is, the first of its positions, at an even speed."""
         share = np.linspace(0.0, 1.0, _WAYPOINTS)[:, None]
-        turns = np.asarray(_turned(jnp.asarray(share * action[3:]), jnp.asarray(tool[3:7])), np.float64)
+        turns = np.asarray(_turn(jnp.asarray(share * action[3:]), jnp.asarray(tool[3:7])), np.float64)
         length = float(np.hypot(np.linalg.norm(action[:3]), _LEVER_M * np.linalg.norm(action[3:])))
         speed = min(max(length, _EDGE_M) / self.move_s, site.limits.speed_m_s)
         return Motion(
@@ -170,7 +168,7 @@ def from_upright(turn: Float[Array, "*batch 4"]) -> Float[Array, "*batch 4"]:
     return jnp.stack([x, -w, -z, y], axis=-1)
 
 
-def _turned(by: Float[Array, "*#batch 3"], turn: Float[Array, "*#batch 4"]) -> Float[Array, "*both 4"]:
+def _turn(by: Float[Array, "*#batch 3"], turn: Float[Array, "*#batch 4"]) -> Float[Array, "*both 4"]:
     """`turn`, and then the rotation vector `by` [rad] about the world's axes."""
     angle = jnp.sqrt((by**2).sum(-1, keepdims=True) + _STILL)
     w, v = jnp.cos(angle / 2), jnp.sin(angle / 2) / angle * by

@@ -57,7 +57,7 @@ class CemPlanner:
     def __call__(self, request: PlanRequest) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
         begun = start(self.search, request)
-        found = _evolved(self, begun, jnp.asarray(request.goal), _key(request.seed))
+        found = _evolve(self, begun, jnp.asarray(request.goal), _key(request.seed))
         origins: list[Origin] = ["sampled"] * self.refit.kept
         seen = film(self.search, *_first(begun, self.refit.kept), found.best.actions, found.best.final)
         descended = jax.device_get(found)
@@ -66,7 +66,7 @@ class CemPlanner:
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
         begun = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
-        _evolved.lower(self, begun, jnp.asarray(example), _key(0)).compile()
+        _evolve.lower(self, begun, jnp.asarray(example), _key(0)).compile()
         kept = self.refit.kept
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
 
@@ -86,7 +86,7 @@ def _key(seed: int) -> PRNGKeyArray:
 
 
 @partial(jax.jit, static_argnums=0)
-def _evolved(planner: CemPlanner, begun: RootBatch, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> OptimizedRollouts:
+def _evolve(planner: CemPlanner, begun: RootBatch, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> OptimizedRollouts:
     search, scale = planner.search, planner.search.space.scale()
     improve = partial(
         descend,

@@ -62,7 +62,7 @@ class TreePlanner:
     def __call__(self, request: PlanRequest) -> Plan:
         """Sample, roll out, descend, choose. Raises PlanningError where no branch stayed finite."""
         tree = start(self.search, request)
-        descended = _descended(self, tree.phi, tree.now, jnp.asarray(request.goal), _rolled_out(self.search, tree))
+        descended = _descend(self, tree.phi, tree.now, jnp.asarray(request.goal), _rolled_out(self.search, tree))
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
             origins[0] = self.search.origin
@@ -74,7 +74,7 @@ class TreePlanner:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
         tree = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
         actions = _rolled_out(self.search, tree)
-        _descended.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
+        _descend.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
         compile_film(self.search, tree.phi, tree.now, actions)
         _ways(self.search, actions[:, 0], AWAY)
 
@@ -83,7 +83,7 @@ _rolled_out = jax.jit(roll_out, static_argnums=0)
 
 
 @partial(jax.jit, static_argnums=0)
-def _descended(
+def _descend(
     planner: TreePlanner,
     phi: Float[Array, "B P"],
     now: PlanningState,

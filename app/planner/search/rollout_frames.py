@@ -43,8 +43,8 @@ def film(
     """
     if search.part is None:
         return RolloutFrames(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))
-    frames, tools = jax.device_get(_filmed(search, phi, now, jnp.asarray(actions)))
-    return RolloutFrames(np.concatenate([frames[:, :-1], thinned(np.asarray(final))[:, None]], axis=1), tools)
+    frames, tools = jax.device_get(_record(search, phi, now, jnp.asarray(actions)))
+    return RolloutFrames(np.concatenate([frames[:, :-1], thin_out(np.asarray(final))[:, None]], axis=1), tools)
 
 
 def compile_film(
@@ -52,16 +52,16 @@ def compile_film(
 ) -> None:
     """Compile what `film` will use."""
     if search.part is not None:
-        _filmed.lower(search, phi, now, actions).compile()
+        _record.lower(search, phi, now, actions).compile()
 
 
-def thinned(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes K 3"]:
+def thin_out(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes K 3"]:
     """Every k-th particle, so that at most `MOST_PARTICLES` are left."""
     return x[..., :: _stride(x.shape[-2]), :]
 
 
 @partial(jax.jit, static_argnums=0)
-def _filmed(
+def _record(
     search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
 ) -> tuple[Float[Array, "B F K 3"], Float[Array, "B F 3"]]:
     """Action by action, and each of them piece by piece."""

@@ -109,7 +109,7 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     return RootBatch(
         prepared=kept[0],
         phi=jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0),
-        now=_repeated(here, count),
+        now=_repeat(here, count),
         first=jnp.concatenate([*kept[1], *random]),
         later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),
     )
@@ -136,7 +136,7 @@ def situation(search: TreeConfig, observed: Points, tool: ToolPose, near: Centre
 
 
 @partial(jax.jit, static_argnums=1)
-def _repeated(here: PlanningState, count: int) -> PlanningState:
+def _repeat(here: PlanningState, count: int) -> PlanningState:
     """The same for `count` candidates."""
     return jax.tree.map(partial(jnp.repeat, repeats=count, axis=0), here)
 

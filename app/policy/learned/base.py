@@ -94,7 +94,7 @@ class Lessons:
         frame = self.symmetry.frame(goal, now.x)
         here = PlanningState.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
         acted = act(self.seen(frame.places(goal), here))
-        return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
+        return _move(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
     def seen(self, goal: Float[Array, "B M 3"], now: PlanningState) -> PolicyObservation:
         """Observation of the policy; a tool whose pose does not matter is shown where it is before the first action.
@@ -105,7 +105,7 @@ class Lessons:
         return sight(self.views, goal, now._replace(tool=away) if self.space.anywhere else now)
 
 
-def _moved(space: Space, acted: ActionDistribution, by: Isometry) -> ActionDistribution:
+def _move(space: Space, acted: ActionDistribution, by: Isometry) -> ActionDistribution:
     """Moved on the table, as actions are; what is spread evenly one way there is so in parts of several here."""
 
     def moved(actions: Float[Array, "B A"]) -> Float[Array, "B A"]:

@@ -136,14 +136,14 @@ def read_plain(path: Path) -> Plain:
     Raises UsageError where there is no such file or an array has an unknown name, and RecordingError, which names the
     array and the first bad index, where a value is impossible.
     """
-    arrays = _loaded(path)
+    arrays = _load(path)
     try:
-        return _parsed(arrays)
+        return _parse(arrays)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
 
-def _loaded(path: Path) -> dict[str, np.ndarray]:
+def _load(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise UsageError.unknown("file", str(path), map(str, path.parent.glob("*.npz")))
     known = {*_REQUIRED, *(name for names in _TOGETHER for name in names)}
@@ -160,7 +160,7 @@ def _loaded(path: Path) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _parsed(arrays: Mapping[str, np.ndarray]) -> Plain:
+def _parse(arrays: Mapping[str, np.ndarray]) -> Plain:
     missing = [name for name in _REQUIRED if name not in arrays]
     for names in _TOGETHER:
         if any(name in arrays for name in names):

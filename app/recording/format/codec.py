@@ -67,7 +67,7 @@ def _plain(value: Any, kind: Any) -> Any:
             return {name: _plain(getattr(value, name), of) for name, of in _fields(kind).items()}
         case _ if hasattr(value, "__array__"):
             array = np.asarray(value)
-            return _plain(array.tolist(), Any) if _is_fixed(kind) else _packed(array)
+            return _plain(array.tolist(), Any) if _is_fixed(kind) else _pack(array)
         case _:
             return value
 
@@ -79,7 +79,7 @@ def _rebuilt(plain: Any, kind: Any) -> Any:
         given = {name: of for name, of in _fields(kind).items() if name in plain or name not in _optional(kind)}
         return cast(type, kind)(**{name: _rebuilt(plain[name], of) for name, of in given.items()})
     if _is_array(kind):
-        return _listed(plain, kind) if _is_fixed(kind) else _unpacked(plain, kind)
+        return _list(plain, kind) if _is_fixed(kind) else _unpack(plain, kind)
     if origin is tuple:
         return tuple(_rebuilt(item, _item(kind)) for item in plain)
     if isinstance(origin, type) and issubclass(origin, Mapping):
@@ -128,14 +128,14 @@ def _little(name: str) -> np.dtype[Any]:
     return np.dtype(np.dtype(name).newbyteorder("<").str)
 
 
-def _packed(array: np.ndarray) -> dict[str, Any]:
+def _pack(array: np.ndarray) -> dict[str, Any]:
     if array.dtype == np.bool_:
         return {"dtype": _BITS, "shape": list(array.shape), "data": np.packbits(array).tobytes()}
     little = np.ascontiguousarray(array, dtype=_little(array.dtype.name))
     return {"dtype": array.dtype.name, "shape": list(array.shape), "data": little.tobytes()}
 
 
-def _unpacked(plain: Any, kind: Any) -> np.ndarray:
+def _unpack(plain: Any, kind: Any) -> np.ndarray:
     data = msgspec.convert(plain["data"], bytes)
     if plain["dtype"] == _BITS:
         bits = np.unpackbits(np.frombuffer(data, np.uint8), count=math.prod(plain["shape"]))
@@ -144,7 +144,7 @@ def _unpacked(plain: Any, kind: Any) -> np.ndarray:
     return array.astype(_dtype(kind), copy=False)
 
 
-def _listed(plain: Any, kind: Any) -> np.ndarray:
+def _list(plain: Any, kind: Any) -> np.ndarray:
     # NumPy reads "nan" and "inf" from strings too, but only where the type is given.
     return _frozen(np.array(plain, dtype=object).astype(_dtype(kind)))
 

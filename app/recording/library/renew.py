@@ -16,7 +16,7 @@ from app.recording.format.codec import schema
 from app.recording.format.integrity import DAMAGE, damaged, inspect, version_of
 from app.recording.format.migrate import changed_since, migrated
 from app.recording.write.copying import write_records
-from app.recording.write.replace import replaced
+from app.recording.write.replace import replace_file
 
 
 def renew(path: Path) -> bool:
@@ -29,7 +29,7 @@ def renew(path: Path) -> bool:
     version = version_of(inspect(path))
     if version == SCHEMA_VERSION:
         return False
-    with digests.kept(path), replaced(path) as (old, new):
+    with digests.kept(path), replace_file(path) as (old, new):
         try:
             counted, written = _count(old), write_records(_records(old, version), new)
         except OSError:
@@ -53,7 +53,7 @@ def _records(path: Path, version: int) -> Iterator[McapRecord]:
                     yield Metadata(name=name, metadata=metadata | {"schema_version": str(SCHEMA_VERSION)})
                 case Channel(id=channel_id, topic=topic) if topic in changed:
                     topics[channel_id] = topic
-                    yield from _described(record)
+                    yield from _describe(record)
                 case Message(channel_id=channel_id) if channel_id in topics:
                     plain = migrated(msgspec.json.decode(record.data), topics[channel_id], version)
                     record.data = msgspec.json.encode(plain)
@@ -62,7 +62,7 @@ def _records(path: Path, version: int) -> Iterator[McapRecord]:
                     yield record
 
 
-def _described(channel: Channel) -> Iterator[McapRecord]:
+def _describe(channel: Channel) -> Iterator[McapRecord]:
     """The channel with its own schema of the newest version."""
     kind = KINDS[channel.topic]
     data = json.dumps(schema(record_of(kind)), allow_nan=False).encode()

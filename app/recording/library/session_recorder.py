@@ -21,7 +21,7 @@ from app.recording.library.label import Label, Verdict, relabel
 from app.recording.library.prune import discard
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder
-from app.recording.write.writer import EpisodeRecorder, open_recording, start, unused
+from app.recording.write.writer import EpisodeRecorder, open_recording, start, unused_path
 
 
 @asynccontextmanager
@@ -163,7 +163,7 @@ class SessionRecorder:
 
     def _cut(self, cut: Cut, number: int, expected_bytes: int) -> Path:
         check_folder(self.path.parent, self._left(expected_bytes))
-        goal = unused(self.path.parent, f"{self.path.stem}-clip{number}")
+        goal = unused_path(self.path.parent, f"{self.path.stem}-clip{number}")
         write_clip(cut, goal)
         return goal
 

@@ -52,7 +52,7 @@ def write_npz(path: Path, file: Path) -> int:
     sights = [(particles, index, phase) for index, push in enumerate(pushes) for particles, phase in push.sights]
     times, episodes = zip(*((particles.time_s, pushes[index].episode) for particles, index, _ in sights), strict=True)
     arrays = {
-        **_joined("cloud", [particles.surface for particles, _, _ in sights]),
+        **_join("cloud", [particles.surface for particles, _, _ in sights]),
         "cloud_time": _apart(np.array(times), np.array(episodes)),
         "cloud_episode": np.array(episodes, np.int32),
         "cloud_push": np.array([index for _, index, _ in sights], np.int32),
@@ -64,7 +64,7 @@ def write_npz(path: Path, file: Path) -> int:
         arrays |= _track("state", pushes, [push.executed.measured for push in pushes])
     if tools:
         nothing = np.zeros((0, 3), np.float32)
-        arrays |= _joined("tool", [tools.get(particles.time_s, nothing) for particles, _, _ in sights])
+        arrays |= _join("tool", [tools.get(particles.time_s, nothing) for particles, _, _ in sights])
     np.savez_compressed(file, allow_pickle=False, **arrays)
     return len(pushes)
 
@@ -101,7 +101,7 @@ def _pushes(path: Path) -> tuple[list[_Push], dict[float, Cloud], str]:
     return pushes, tools, episodes[0].task if episodes else ""
 
 
-def _joined(name: str, clouds: Sequence[Float32[np.ndarray, "_ 3"]]) -> dict[str, np.ndarray]:
+def _join(name: str, clouds: Sequence[Float32[np.ndarray, "_ 3"]]) -> dict[str, np.ndarray]:
     """Concatenated clouds, and the offsets of each."""
     ends = np.cumsum([0, *map(len, clouds)]).astype(np.int64)
     return {f"{name}_points": np.concatenate(clouds), f"{name}_offsets": ends}

@@ -69,11 +69,11 @@ def open_timeline(path: Path, told: Callable[[float], object] = lambda _: None) 
         stream = path.open("rb")
     with stream:
         offset_ns = int(offset) if offset.lstrip("-").isdecimal() else None
-        timeline = _indexed(path, stream, version_of(metadata), offset_ns, told)
+        timeline = _index(path, stream, version_of(metadata), offset_ns, told)
         yield timeline
 
 
-def _indexed(
+def _index(
     path: Path, stream: IO[bytes], version: int, offset_ns: int | None, told: Callable[[float], object]
 ) -> "Timeline":
     with reading(path):

@@ -19,7 +19,7 @@ from mcap.records import DataEnd, Footer, McapRecord, Metadata, MetadataIndex, S
 from mcap.summary import Summary
 
 from app.recording.format.integrity import DAMAGE, MAGIC, damaged
-from app.recording.write.replace import replaced
+from app.recording.write.replace import replace_file
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
 _DATA_END_BYTES: Final = 1 + 8 + 4
@@ -30,7 +30,7 @@ def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
 
     Raises RecordingError where the file is damaged or the new one cannot be written; the old one stays then.
     """
-    with replaced(path) as (old, new):
+    with replace_file(path) as (old, new):
         added = Metadata(name=name, metadata=dict(metadata))
         summary, end, crc = _summary_and_end(old)
         record = _bytes([added])

@@ -11,7 +11,7 @@ from app.recording.format.lock import held, locked
 
 
 @contextmanager
-def replaced(path: Path) -> Generator[tuple[Path, Path]]:
+def replace_file(path: Path) -> Generator[tuple[Path, Path]]:
     """The file at `path` (links resolved) and a path beside it for the new one, which replaces it at the end.
 
     The new one is forced to the disk first, and has the old one's times and permissions. Where anything is raised

@@ -20,7 +20,7 @@ from app.core.messages import Episode, Message
 from app.recording.format import digests
 from app.recording.format.channels import topic_of
 from app.recording.format.clock_offset import Epoch
-from app.recording.format.names import numbered
+from app.recording.format.names import number_file
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder
 
@@ -204,16 +204,16 @@ def start(folder: Path, episode: Episode, room: Room, *, part: str = "", epoch: 
     """
     check_folder(folder, room)
     words = (f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}", _plain(episode.task), part, f"seed{episode.seed}")
-    path = unused(folder, "-".join(filter(None, words)))
+    path = unused_path(folder, "-".join(filter(None, words)))
     try:
         return EpisodeFile(path, episode, epoch=epoch)
     except (OSError, RuntimeError) as error:
         raise PreflightError(f"Cannot start {path} ({error}); choose another recordings folder.") from error
 
 
-def unused(folder: Path, stem: str) -> Path:
+def unused_path(folder: Path, stem: str) -> Path:
     """An unused path in `folder`, also for a second episode within one second."""
-    return next(path for name in numbered(stem) if not (path := folder / f"{name}.mcap").exists())
+    return next(path for name in number_file(stem) if not (path := folder / f"{name}.mcap").exists())
 
 
 def _plain(task: str) -> str:

@@ -38,7 +38,7 @@ def close_up(within: Bounds) -> Plot:
     return ground(within, _WIDTH)
 
 
-def enlarged(p: Plot, ident: str, title: str, description: str, drawn: Markup) -> Markup:
+def enlarge(p: Plot, ident: str, title: str, description: str, drawn: Markup) -> Markup:
     """A drawing of the region, clipped at its edges; `ident` is unique on the page."""
     inside = tag("rect", x=p.x.start, y=p.y.end, width=p.x.end - p.x.start, height=p.y.start - p.y.end)
     return svg(

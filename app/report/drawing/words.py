@@ -104,20 +104,20 @@ def of(value: float, whole: float, unit: str) -> str:
     return with_symbol(" of ".join(said), shown)
 
 
-def measured(value: float, low: float, high: float, unit: str) -> str:
+def measurement(value: float, low: float, high: float, unit: str) -> str:
     """A number with its interval, `4.1 mm (3.6 to 4.6)`, rounded to what the interval supports."""
     shown, places = _common(value, low, high, unit)
     return f"{with_symbol(decimal(value * shown.factor, places), shown)} ({interval(value, low, high, unit)})"
 
 
 def best(value: float, low: float, high: float, unit: str) -> str:
-    """The number of `measured` alone: `4.1 mm`."""
+    """The number of `measurement` alone: `4.1 mm`."""
     shown, places = _common(value, low, high, unit)
     return with_symbol(decimal(value * shown.factor, places), shown)
 
 
 def interval(value: float, low: float, high: float, unit: str) -> str:
-    """The interval of `measured` alone, without its unit: `3.6 to 4.6`."""
+    """The interval of `measurement` alone, without its unit: `3.6 to 4.6`."""
     shown, places = _common(value, low, high, unit)
     return f"{decimal(low * shown.factor, places)} to {decimal(high * shown.factor, places)}"
 

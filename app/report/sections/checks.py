@@ -33,10 +33,10 @@ def _row(check: Check) -> tuple[Markup, Markup, str, str, str, Markup]:
     mark = tag("span", "sound" if check.sound else "off", class_=f"mark {'sound' if check.sound else 'unsound'}")
     name = joined([tag("b", sentence(check.name)), tag("small", check.about)])
     numbers = (check.value, check.low, check.high, check.unit)
-    return mark, name, best(*numbers), interval(*numbers), _expected(check), _strip(check)
+    return mark, name, best(*numbers), interval(*numbers), _expectation(check), _strip(check)
 
 
-def _expected(check: Check) -> str:
+def _expectation(check: Check) -> str:
     shown = display(check.unit, check.value, check.low, check.high)
     return with_symbol(decimal(check.expected * shown.factor, 0), shown) if math.isfinite(check.expected) else NOTHING
 

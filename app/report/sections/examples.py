@@ -4,7 +4,7 @@ from app.discovery.results.case import Case, Example
 from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import bounds, cloud, ground, surface, way
 from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
-from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarged, frame, lens
+from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, joined, tag
 from app.report.drawing.words import decimal
 
@@ -44,7 +44,7 @@ def _example(it: Example, index: int) -> Markup:
         frame(whole, near),
     )
     close = close_up(near)
-    detail = enlarged(
+    detail = enlarge(
         close,
         f"example{index}",
         f"Held-out push {it.number}, where the nominal model is worst",

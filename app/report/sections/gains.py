@@ -18,7 +18,7 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 def gains(case: Case) -> Markup:
     """The gain in words, and in three small figures."""
     drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
-    drawn += [_paired(case)] if np.isfinite(case.per_episode).any() else []
+    drawn += [_pairs(case)] if np.isfinite(case.per_episode).any() else []
     drawn += [_steps(case)] if np.isfinite(case.steps).any() else []
     key = legend(
         [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model"), ("extended", "extended model")]
@@ -47,7 +47,7 @@ def _bars(gain: Gain) -> Markup:
     return figure(drawing, "Held-out one-step errors. A model is of use where its bar is well below that of no motion.")
 
 
-def _paired(case: Case) -> Markup:
+def _pairs(case: Case) -> Markup:
     values = case.per_episode[np.isfinite(case.per_episode).all(axis=1)]
     better = int((values[:, 1] < values[:, 0]).sum())
     p = plot(_WIDTH, _HEIGHT, (-0.35, 1.35), (0.0, _above(float(values.max(initial=0.0)))), _MARGINS)

@@ -5,7 +5,7 @@ from app.discovery.results.case import Case, NextPush
 from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
 from app.report.drawing.layout import columns, figure, legend, paragraph
-from app.report.drawing.lens import close_up, enlarged, frame, lens
+from app.report.drawing.lens import close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, joined, tag
 from app.report.drawing.words import best, effect_name
 
@@ -41,7 +41,7 @@ def _drawing(case: Case, push: NextPush) -> Markup:
 def _detail(push: NextPush) -> Markup:
     close = close_up(lens(push.ends[0], push.ends[1]))
     said = "Where the models part most: one look at the object there decides between them."
-    return figure(enlarged(close, "parting", "Where the models part most", said, _ends(close, push)), said)
+    return figure(enlarge(close, "parting", "Where the models part most", said, _ends(close, push)), said)
 
 
 def _ends(p: Plot, push: NextPush) -> Markup:

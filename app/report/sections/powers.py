@@ -60,7 +60,7 @@ def _figure(drawn: list[Power], worst: list[Power]) -> Markup:
         _WIDTH,
         bottom + 44,
         "Smallest visible size of each cause",
-        said(worst),
+        sentence_of(worst),
         tag("rect", x=x(0.0), y=22.0, width=x.end - x(0.0), height=bottom - 22, class_="unseen"),
         label(x(0.0) - 8, 14.0, "visible when typical", "small", anchor="end"),
         label(x(0.0) + 8, 14.0, "invisible when typical", "small"),
@@ -74,7 +74,7 @@ def _figure(drawn: list[Power], worst: list[Power]) -> Markup:
         if len(worst) > len(drawn)
         else ""
     )
-    return figure(drawing, said(worst) + left)
+    return figure(drawing, sentence_of(worst) + left)
 
 
 def _row(x: Axis, it: Power, y: float) -> Markup:
@@ -98,7 +98,7 @@ def _row(x: Axis, it: Power, y: float) -> Markup:
     )
 
 
-def said(worst: list[Power]) -> str:
+def sentence_of(worst: list[Power]) -> str:
     """Sentences on the causes that would be invisible."""
     never = [effect_name(it.effect) for it in worst if math.isinf(ratio(it))]
     weak = [

@@ -16,7 +16,7 @@ from app.core.messages import ArmMode
 from app.core.rejection_codes import Refusal
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
-from app.rig.kinova.client.clients import DEFAULT, linked
+from app.rig.kinova.client.clients import DEFAULT, open_link
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.command_handle import CommandHandle
 from app.rig.kinova.driver import Driver
@@ -25,7 +25,7 @@ from app.rig.kinova.gen3 import Joints
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.path_progress import Along
 from app.rig.kinova.trajectory_segments import stretches
-from app.rig.kinova.workspace_limiter import held_back
+from app.rig.kinova.workspace_limiter import hold_back
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."
 _OFF_M, _AWAY_M = 0.015, 0.008
@@ -56,7 +56,7 @@ def taken(
     `joints_of`: joint angles to report, where a different arm is drawn; `holds`: the end effector that the arm must be
     configured for.
     """
-    driver = Driver(Kortex(linked(address, client)), site, holds)
+    driver = Driver(Kortex(open_link(address, client)), site, holds)
     driver.open()
     return KinovaControl(driver, site, joints_of, blind_s=address.stops_after_s)
 
@@ -272,7 +272,7 @@ class KinovaControl:
         linear = (self.commanded[:3] - before[:3]) / duration_s
         linear = linear + _at_most(_FOLLOW_HZ * (self.commanded[:3] - seen.tool[:3]), _CATCH_UP_M_S)
         self._pushed = True
-        linear = held_back(_at_most(linear, self._limits.speed_m_s), seen.tool[:3], self._limits)
+        linear = hold_back(_at_most(linear, self._limits.speed_m_s), seen.tool[:3], self._limits)
         turn = turn + _at_most(_FOLLOW_HZ * behind, _CATCH_UP_RAD_S)
         self._driver.twist(linear, _at_most(turn, self._limits.angular_speed_rad_s))
         opening_m = max(float(self.commanded[7]), float(seen.tool[7]) - _AHEAD_M)

@@ -17,7 +17,7 @@ _BRAKING_M_S2 = 0.6
 _Vector = Float64[np.ndarray, "3"]
 
 
-def held_back(linear: _Vector, position: _Vector, limits: Limits) -> _Vector:
+def hold_back(linear: _Vector, position: _Vector, limits: Limits) -> _Vector:
     """`linear` [m/s] limited towards walls to a speed from which the tool can stop; a tool outside may come back."""
     low, high = np.asarray(limits.workspace.low), np.asarray(limits.workspace.high)
     held = between(low, high, linear, position, _stoppable)

@@ -11,7 +11,7 @@ from anyio import to_thread
 from app.core.system.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.memory import CaptureMemory, CaptureReport
-from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, RecoveryTimeouts, climbed
+from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, RecoveryTimeouts, climb
 from app.rig.realsense.sdk.sources import Source
 from app.rig.realsense.settings import StreamSettings
 
@@ -65,7 +65,7 @@ class Keeper:
                 await to_thread.run_sync(self._end)
 
     def _climb(self, sight: CaptureStatus) -> Action | None:
-        former, (self._ladder, action) = self._ladder, climbed(self._ladder, sight, self._patience)
+        former, (self._ladder, action) = self._ladder, climb(self._ladder, sight, self._patience)
         if sight.absent and self._ladder.phase == "waiting" != former.phase:
             self._in_vain += 1
         if self.streamed or self._in_vain >= _LOOKS:

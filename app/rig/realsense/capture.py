@@ -13,7 +13,7 @@ from typing import final
 from app.core.errors import DeviceError
 from app.rig.realsense.memory import Arrived, CaptureMemory, CaptureReport, Identity
 from app.rig.realsense.recovery_policy import Step
-from app.rig.realsense.sdk.device_enumeration import found
+from app.rig.realsense.sdk.device_enumeration import find
 from app.rig.realsense.sdk.sdk import Sdk
 from app.rig.realsense.sdk.sources import CameraAbsent, Source
 from app.rig.realsense.sdk.timestamping import Dating
@@ -98,7 +98,7 @@ class _Capture:
         """Wait at most `within_s` until the camera is on the bus, or is not."""
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
-            if there == any(listed.serial == self._source.serial for listed in found(self._sdk)):
+            if there == any(listed.serial == self._source.serial for listed in find(self._sdk)):
                 return
             self._rest(0.1)
 

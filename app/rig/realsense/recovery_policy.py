@@ -110,21 +110,21 @@ class Ladder:
         return f"no image for {max(0.0, now_s - self.lost_s):.0f} s{f' ({self.why})' if self.why else ''}: {doing}"
 
 
-def climbed(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def climb(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Next state of the recovery, and the command for the process."""
     if ladder.phase == "ended":
         return ladder, None
     if sight.step == "ended":
         return replace(ladder, phase="ended", since_s=sight.now_s, why=sight.failure), None
     if ladder.phase == "replacing":
-        return _replaced(ladder, sight)
+        return _replace(ladder, sight)
     if why := sight.death or _hung(sight, patience):
         return _to_replace(ladder, sight, why, patience)
     if ladder.phase == "streaming":
         return _watched(ladder, sight, patience)
     if ladder.phase == "waiting":
         return _again(ladder, sight)
-    return _awaited(ladder, sight, patience)
+    return _wait(ladder, sight, patience)
 
 
 def _watched(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
@@ -138,7 +138,7 @@ def _watched(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -
     return ladder, None
 
 
-def _awaited(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _wait(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Wait for the first image after a command."""
     if sight.image_s > ladder.since_s:
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
@@ -176,10 +176,10 @@ def _to_replace(
     gone = replace(ladder, phase="replacing", until_s=sight.now_s + wait_s, failures=ladder.failures + 1, why=why)
     if ladder.phase == "streaming":
         gone = replace(gone, lost_s=sight.image_s)
-    return _replaced(gone, sight)
+    return _replace(gone, sight)
 
 
-def _replaced(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]:
+def _replace(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]:
     """Wait, then have a new process open the camera."""
     if sight.now_s < ladder.until_s:
         return ladder, None

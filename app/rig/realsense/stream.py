@@ -10,7 +10,7 @@ import numpy as np
 
 from app.core.errors import DeviceError
 from app.core.types import ColourImage, DepthImage, Intrinsics
-from app.rig.realsense.sdk.device_enumeration import Listed, described, warning
+from app.rig.realsense.sdk.device_enumeration import Listed, describe, warning
 from app.rig.realsense.sdk.rectify import Rectifier
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 from app.rig.realsense.sdk.sources import Source
@@ -66,7 +66,7 @@ class Stream:
         self._rectifier = Rectifier(rs, intrinsics)
         self._filters = [*_filters(rs, settings.filters), rs.align(rs.stream.color)]
         self._to_drop = settings.warm_up
-        listed = described(rs, self._device)
+        listed = describe(rs, self._device)
         self.opened = OpenedCamera(
             listed=listed,
             K=self._rectifier.K,

@@ -10,7 +10,7 @@ from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope, RopeModel
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect
-from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
 from app.sim.files import files_of
 
 IMPOSSIBLE = {
@@ -67,13 +67,13 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
     `rope`: one of other sizes than the cell's.
     """
     table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
-    nominal = ROPE_WORLDS[world] if rope is None else sized(ROPE_WORLDS[world], rope)
+    nominal = ROPE_WORLDS[world] if rope is None else with_size(ROPE_WORLDS[world], rope)
     chain, cable = nominal.rope, nominal.cable
     return replace(
         nominal,
@@ -84,7 +84,7 @@ def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) ->
     )
 
 
-def described(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
+def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
     """The effects with their values, as stored in a sealed file."""
     return [
         {

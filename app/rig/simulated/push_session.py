@@ -119,7 +119,7 @@ class PushSession:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
-        take = _pushed(world, self._arm, before, command, self.episode, encoders)
+        take = _push(world, self._arm, before, command, self.episode, encoders)
         self.number, self._before = self.number + 1, None
         return take
 
@@ -130,7 +130,7 @@ class PushSession:
 
     def _laid_anew(self, begin_s: float) -> RopeWorld:
         ends = None if self._world is None else self._world.nodes()[[0, -1], :2]
-        line = laid(self.task.start(self._starts[self.episode]), ends)
+        line = lay_out(self.task.start(self._starts[self.episode]), ends)
         self._intrusion = Intrusion(self._hidden)
         return RopeWorld(
             self.task.rope,
@@ -177,7 +177,7 @@ class _Arm:
         return track
 
 
-def _pushed(
+def _push(
     world: RopeWorld, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
 ) -> PushSample:
     """Execute a push in the world, which is at rest."""
@@ -194,7 +194,7 @@ def _pushed(
         during=during,
         after=_rest(world),
         command=command,
-        measured=_measured(arm, command, encoders),
+        measured=_measure(arm, command, encoders),
     )
 
 
@@ -209,7 +209,7 @@ def _rest(world: RopeWorld) -> StampedSnapshot:
     return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
-def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
+def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     """Encoder track, at the times of the command."""
     told = arm.goes(command, told_only=True).at(command.times_s)
     return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
@@ -233,7 +233,7 @@ def _session(number: int, plan: PushDesign) -> float:
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 
 
-def laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
+def lay_out(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
     """The rope laid along `start`, in the direction that leaves its ends (x, y) [m] nearer to where they were."""
     if ends is None:
         return start

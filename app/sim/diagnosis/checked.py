@@ -13,7 +13,7 @@ from app.sim.diagnosis.rod_failure_diagnosis import RodCase, single_rod
 from app.sim.rods.checks import RodSetup, require_rod_inputs
 from app.sim.rods.domain import are_whole
 from app.sim.rods.effect import RodSetting
-from app.sim.rods.rollout import RodPhysics, SimulateRod, completed, make_rod_rollout
+from app.sim.rods.rollout import RodPhysics, SimulateRod, complete, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.sim.runtime.checks import Setup, first, require_inputs
 from app.sim.runtime.rollout import Simulate, make_rollout
@@ -58,7 +58,7 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
         setting: RodSetting | None = None,
         spans: Int[jax.Array, "B 2"] | None = None,
     ) -> RodState:
-        own, known = completed(setup.scene, setup.effects, len(tool), phi, setting)
+        own, known = complete(setup.scene, setup.effects, len(tool), phi, setting)
         require_rod_inputs(setup, physics, own, state, tool, known)
         end = run(physics, state, tool, own, known, spans)
         broken = first(~np.asarray(are_whole(setup.scene, end.nodes)))

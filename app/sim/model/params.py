@@ -129,7 +129,7 @@ def nominal_phi() -> Float32[np.ndarray, " P"]:
     return np.array([spec.nominal for spec in PARAMETERS], np.float32)
 
 
-def validated(
+def validate(
     phi: Float[np.ndarray, "*batch P"], specs: Sequence[ParameterSpec] = PARAMETERS
 ) -> Float32[np.ndarray, "*batch P"]:
     """`phi` as float32, or a ParameterError that names the first entry that is non-finite or outside its range."""

@@ -68,7 +68,7 @@ def make_pieces(code: Code) -> KernelFunctions:
         to_grid_adjoint=cast(WarpFunction, back),
         to_particles_adjoint=to_particles_adjoint_of(held, types),
         node_adjoint=node_adjoint_of(node_worked, types),
-        worked=_worked(works, node_worked, held),
+        worked=_work(works, node_worked, held),
     )
 
 
@@ -92,7 +92,7 @@ def adjoint_module_of(kind: str, code: Code, pieces: KernelFunctions) -> wp.Modu
     return module
 
 
-def _worked(particles: Sequence[WarpFunction], node: WarpFunction, held: WarpFunction | None) -> WarpFunction:
+def _work(particles: Sequence[WarpFunction], node: WarpFunction, held: WarpFunction | None) -> WarpFunction:
     @wp.func
     def of_node(k: Constants, grain: Any, node_phi: Any, pose: Any, a: wp.vec3, A: wp.mat33) -> wp.float32:
         u = wp.vec4(a[0], a[1], a[2], wp.trace(A) + grain[0] + pose[0])

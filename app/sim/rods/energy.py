@@ -40,7 +40,7 @@ def energies(
     return moving + stretched + bent + held
 
 
-def gained(
+def energy_gained(
     scene: RodScene,
     effects: Sequence[Effect],
     nodes: Float32[np.ndarray, "K 8 n"],

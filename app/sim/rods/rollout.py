@@ -13,7 +13,7 @@ from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.domain import is_in_domain
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
-from app.sim.rods.equilibrium import held
+from app.sim.rods.equilibrium import equilibrium_of
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
 from app.sim.rods.operations import RodOperations, make_rod_operations
@@ -203,7 +203,7 @@ def _operations(scene: RodScene, effects: tuple[Effect, ...]) -> RodOperations:
     return make_rod_operations(scene, *_stiffest_joint(scene), laws)
 
 
-def completed(
+def complete(
     scene: RodScene,
     effects: Sequence[Effect],
     candidates: int,
@@ -229,14 +229,14 @@ def _inputs(
     if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
         given = state.nodes.shape[2]
         raise ParameterError(f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m.")
-    own, known = completed(scene, effects, len(tool), phi, setting)
+    own, known = complete(scene, effects, len(tool), phi, setting)
     physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
     context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, known))
     properties = changed_properties(effects, _properties(scene, physics), own, context)
     walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
     numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
     traits = jnp.concatenate(numbers, axis=1)
-    start = held(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
+    start = equilibrium_of(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
     return start, _fields(scene, properties), traits, _fingers(scene, physics, tool)
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, placed, radius_of, traced
+from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, place_nodes, radius_of, trace
 from app.sim.rods.scene import RodScene
 
 STATE = 8
@@ -56,7 +56,7 @@ class RodState(NamedTuple):
     ) -> Self:
         """Unmoving, its bends at the centre of yield: `count` nodes, `rest_m` apart, through particles `x` of a rope.
 
-        The order along the rope is found on the host (`centreline.traced`), from the prediction `near` [m] too where
+        The order along the rope is found on the host (`centreline.trace`), from the prediction `near` [m] too where
         there is one. Nodes minimise squared distances of particles to their places on the polygon, weighted by how near
         to the centreline they must be, plus squared second differences, and are then moved to the nearest polygon whose
         segments are all `rest_m` long: linear in `x` but for that. `radius_m`: None, as evenly filled as `x` is high.
@@ -229,4 +229,4 @@ def _label(cloud: bytes, count: int, rest_m: float, radius_m: float | None, near
     if not np.isfinite(x).all():
         return np.ones((2, len(x)), np.float32)
     rope = RopeShape(count=count, rest_m=rest_m, radius_m=radius_m or radius_of(x, rest_m))
-    return np.stack(placed(x, traced(x, rope, prior if len(prior) else None).line, rope))
+    return np.stack(place_nodes(x, trace(x, rope, prior if len(prior) else None).line, rope))

@@ -59,7 +59,7 @@ def _warp_call(function: Callable[..., None], words: str, num_outputs: int) -> W
     @cache
     def target(*signature: Any) -> Callable[..., Any]:
         digest = sha256(repr((words, *signature)).encode()).hexdigest()[:16]
-        return wp.jax_callable(_renamed(function, f"{function.__name__}_{digest}"), num_outputs=num_outputs)
+        return wp.jax_callable(_rename(function, f"{function.__name__}_{digest}"), num_outputs=num_outputs)
 
     # Inlined, a program is what it would be without: only the trace is kept.
     @partial(jax.jit, static_argnames=("numbers", "dims"), inline=True)
@@ -75,7 +75,7 @@ def _warp_call(function: Callable[..., None], words: str, num_outputs: int) -> W
     return call
 
 
-def _renamed(function: FunctionType, name: str) -> FunctionType:
+def _rename(function: FunctionType, name: str) -> FunctionType:
     """The same function by another name."""
     copy = FunctionType(
         function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__

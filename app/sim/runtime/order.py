@@ -31,7 +31,7 @@ def morton_order(x: Float[jax.Array, "B N 3"], cell_m: float, bodies: tuple[int,
 
 
 @jax.custom_vjp
-def reordered(tree: TreeT, order: Int[jax.Array, "B N"], back: Int[jax.Array, "B N"]) -> TreeT:
+def reorder(tree: TreeT, order: Int[jax.Array, "B N"], back: Int[jax.Array, "B N"]) -> TreeT:
     """Leaves (B, N, ...) with their particles in that order; `back` is its inverse, which the adjoint takes."""
     del back
 
@@ -42,12 +42,12 @@ def reordered(tree: TreeT, order: Int[jax.Array, "B N"], back: Int[jax.Array, "B
 
 
 def _reordered_forward(tree: TreeT, order: jax.Array, back: jax.Array) -> tuple[TreeT, tuple[jax.Array, jax.Array]]:
-    return reordered(tree, order, back), (order, back)
+    return reorder(tree, order, back), (order, back)
 
 
 def _reordered_backward(orders: tuple[jax.Array, jax.Array], bars: TreeT) -> tuple[TreeT, None, None]:
     order, back = orders
-    return reordered(bars, back, order), None, None
+    return reorder(bars, back, order), None, None
 
 
-reordered.defvjp(_reordered_forward, _reordered_backward)
+reorder.defvjp(_reordered_forward, _reordered_backward)

@@ -14,9 +14,9 @@ from app.sim.model.catalogue import EFFECTS
 from app.sim.model.scene import Scene
 from app.sim.mpm.simd_layout import unpack
 from app.sim.runtime.checks import Setup, require_counts, require_shapes
-from app.sim.runtime.directions import directed
+from app.sim.runtime.directions import direct
 from app.sim.runtime.launch import make_operations
-from app.sim.runtime.order import morton_order, reordered
+from app.sim.runtime.order import morton_order, reorder
 from app.sim.runtime.schedule import Schedule, schedule_for
 from app.sim.state import Setting, State
 
@@ -90,7 +90,7 @@ def make_rollout(
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
         phi, history, tool, setting, finite, sought = kept
-        end_bar = jax.tree.map(_instantiated, end_bar, is_leaf=_is_zero)
+        end_bar = jax.tree.map(_instantiate, end_bar, is_leaf=_is_zero)
         state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar, sought.phi)
         bars = (phi_bar, state_bar, tool_bar)
         finite_bars = where_finite(finite & are_finite(end_bar) & are_finite(*bars), bars)
@@ -102,13 +102,13 @@ def make_rollout(
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
         require_shapes(phi, state, tool, known, sizes)
         phi, state, tool, known = jax.tree.map(as_float32, (phi, state, tool, known))
-        known = directed(scene, known, state.x)
+        known = direct(scene, known, state.x)
         if not launched.sorts:
             return rollout(phi, state, tool, known)
         order = jax.lax.stop_gradient(morton_order(state.x, scene.cell_m, counts))
         back = jnp.argsort(order, axis=1)
-        own = Setting(label=reordered(known.label, order, back), time=known.time)
-        return reordered(rollout(phi, reordered(state, order, back), tool, own), back, order)
+        own = Setting(label=reorder(known.label, order, back), time=known.time)
+        return reorder(rollout(phi, reorder(state, order, back), tool, own), back, order)
 
     return jax.jit(simulate)
 
@@ -126,5 +126,5 @@ def _is_zero(leaf: Any) -> bool:
     return isinstance(leaf, SymbolicZero)
 
 
-def _instantiated(leaf: Any) -> jax.Array:
+def _instantiate(leaf: Any) -> jax.Array:
     return jnp.zeros(leaf.shape, leaf.dtype) if _is_zero(leaf) else leaf

@@ -68,7 +68,7 @@ class Tray:
             *(((t, b + 2 * t, height), (side * (a + t), 0.0, height - 2 * t)) for side in (-1, 1)),
             *(((a + 2 * t, t, height), (0.0, side * (b + t), height - 2 * t)) for side in (-1, 1)),
         ]
-        return tuple(box_of(half, _shifted(self.place_m, at), self.friction) for half, at in parts)
+        return tuple(box_of(half, _shift(self.place_m, at), self.friction) for half, at in parts)
 
 
 @final
@@ -89,7 +89,7 @@ class WallsWithGap:
         along, up = (self.half_length_m - self.gap_m / 2) / 2, self.height_m / 2
         middle = self.gap_m / 2 + along
         half = (self.thickness_m / 2, along, up)
-        return tuple(box_of(half, _shifted(self.place_m, (0.0, side * middle, up)), self.friction) for side in (-1, 1))
+        return tuple(box_of(half, _shift(self.place_m, (0.0, side * middle, up)), self.friction) for side in (-1, 1))
 
 
 @final
@@ -110,5 +110,5 @@ class GripperCollider:
         return tuple(box_of(self.half_m, (0.0, side * thick, tall), self.friction, side=side) for side in (-1, 1))
 
 
-def _shifted(place: Vector, by: Vector) -> Vector:
+def _shift(place: Vector, by: Vector) -> Vector:
     return (place[0] + by[0], place[1] + by[1], place[2] + by[2])

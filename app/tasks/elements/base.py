@@ -16,7 +16,7 @@ from app.core.messages import Proposal, fresh_id
 from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
-from app.tasks.elements.sizes import resized
+from app.tasks.elements.sizes import resize
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
@@ -207,8 +207,8 @@ class Task:
         return TaskName.parse(self.name).problem
 
     def with_sizes(self, sizes: Mapping[str, float]) -> Task:
-        """The same with another rope or finger; see `sizes.resized`."""
-        return resized(self, sizes)
+        """The same with another rope or finger; see `sizes.resize`."""
+        return resize(self, sizes)
 
     def with_dynamics(self, dynamics: str) -> Task:
         """The same task, its object simulated by another engine: "mpm" (material points) or "rods".

@@ -31,7 +31,7 @@ a factor of two (`tests/tasks/test_size_limits.py`)."""
 _OF_FINGER = "finger_"
 
 
-def resized(task: Task, sizes: Mapping[str, float]) -> Task:
+def resize(task: Task, sizes: Mapping[str, float]) -> Task:
     """The same with these sizes.
 
     Raises UsageError where the task has no rope or finger to change, or a size is unknown, ParameterError where it is

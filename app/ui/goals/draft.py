@@ -51,11 +51,11 @@ class GoalDraft:
                 return None
             case "copy":
                 to = np.array(self.place)
-                return goal_shapes.moved(object_, to=to, turn_rad=self.turn_rad, bend_1_m=self.bend_1_m)
+                return goal_shapes.transform(object_, to=to, turn_rad=self.turn_rad, bend_1_m=self.bend_1_m)
             case "curve":
                 return goal_shapes.along(object_, np.array(self.curve)) if len(self.curve) > 1 else None
             case "region":
-                return goal_shapes.gathered(object_, middle=np.array(self.place), radius_m=self.radius_m)
+                return goal_shapes.gather(object_, middle=np.array(self.place), radius_m=self.radius_m)
 
 
 def on_table(origin: tuple[float, float, float], direction: tuple[float, float, float]) -> tuple[float, float] | None:

@@ -44,15 +44,15 @@ def result(placing: Placing | None, today: date) -> str:
     if placing.views:
         parts += [_views(placing), _spread(placing)]
     if placing.placed:
-        parts.append(_placed(placing))
+        parts.append(_place(placing))
     if len(placing.next_pose):
         parts.append(_next(placing))
     return f'<div class="dp">{"".join(parts)}</div>'
 
 
-def marked(image: ColourImage, seen: BoardSeen | None) -> UInt8[np.ndarray, "rows columns 3"]:
+def mark(image: ColourImage, seen: BoardSeen | None) -> UInt8[np.ndarray, "rows columns 3"]:
     """The picture at the panel's size, with a dot on each corner."""
-    small, step = overlays.thinned(image).copy(), overlays.stride(image.shape[1])
+    small, step = overlays.thin_out(image).copy(), overlays.stride(image.shape[1])
     corners = np.rint(seen.corners / step).astype(int) if seen is not None else np.zeros((0, 2), int)
     height, width = small.shape[:2]
     for column, row in corners:
@@ -133,7 +133,7 @@ def _plot(placing: Placing) -> str:
     )
 
 
-def _placed(placing: Placing) -> str:
+def _place(placing: Placing) -> str:
     found = placing.placed[0]
     x, y, z = _MM * found.pose[:3, 3]
     rows = [

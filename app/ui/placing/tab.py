@@ -71,7 +71,7 @@ class PlacingTab:
         seen = board.board_seen
         frame = board.frames.get(seen.camera) if seen is not None else None
         if frame is not None:
-            self._image.image = cards.marked(frame.color, seen)
+            self._image.image = cards.mark(frame.color, seen)
 
     def _show_next(self, board: ConsoleState) -> None:
         placing = board.placing

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from app.core.messages import Proposal
-from app.core.path_similarity_transform import is_level, reshaped
+from app.core.path_similarity_transform import is_level, reshape
 from app.core.types import Path3
 from app.ui.parts import palette
 from app.ui.parts.console_state import ConsoleState
@@ -111,7 +111,7 @@ class EditForm:
         places = (*ends[0], *ends[1])
         if places != self._drawn:
             self._drawn = places
-            self._way.put(reshaped(self._draft.way, *ends))
+            self._way.put(reshape(self._draft.way, *ends))
 
     def _ask(self, event: viser.GuiEvent[Any]) -> None:
         draft = self._draft

@@ -83,17 +83,17 @@ class _Painted(NamedTuple):
 
     def small(self) -> ColourImage:
         """The image at the size of the panel."""
-        image = overlays.thinned(self.image)
+        image = overlays.thin_out(self.image)
         if self.mask is None:
             return image
         step = overlays.stride(self.mask.shape[1])
-        return overlays.tinted(image, overlays.fitted(self.mask[::step, ::step], image.shape), self.ink)
+        return overlays.tint(image, overlays.fit_frame(self.mask[::step, ::step], image.shape), self.ink)
 
     def whole(self) -> ColourImage:
         """The image with all its pixels."""
         if self.mask is None:
             return self.image
-        return overlays.tinted(self.image, overlays.fitted(self.mask, self.image.shape), self.ink)
+        return overlays.tint(self.image, overlays.fit_frame(self.mask, self.image.shape), self.ink)
 
 
 @final
@@ -104,7 +104,7 @@ class CameraPicture:
         self._scene = scene
         self.painted = _Painted(frame.color, None, palette.MASK)
         self._image = gui.add_image(
-            overlays.thinned(frame.color), label=frame.camera.name, format="jpeg", jpeg_quality=_QUALITY
+            overlays.thin_out(frame.color), label=frame.camera.name, format="jpeg", jpeg_quality=_QUALITY
         )
         self._text = Text(gui, "")
         self._shown: Frame | None = None
@@ -117,7 +117,7 @@ class CameraPicture:
         """Show the newest picture, with the mask in use or that of the colours `wanted`."""
         if frame is not self._shown:
             self._shown = frame
-            self._scene.look(frame, overlays.thinned(frame.color))
+            self._scene.look(frame, overlays.thin_out(frame.color))
         mask_of = board.seen if masked and wanted is None else None
         live = mask_of is not None and now_s - mask_of.time_s < _LIVE_S
         # Every mask comes with its own picture: drawing the two apart would show each picture twice.

@@ -10,7 +10,7 @@ _TINT = 0.45
 PICTURE_WIDTH = 320
 
 
-def tinted(image: ColourImage, mask: Bool[np.ndarray, "height width"], colour: palette.Colour) -> ColourImage:
+def tint(image: ColourImage, mask: Bool[np.ndarray, "height width"], colour: palette.Colour) -> ColourImage:
     """The image with the masked pixels tinted and their outline drawn, as a copy."""
     painted, ink = image.copy(), np.array(colour, np.float32)
     inside = mask & ~outline(mask)
@@ -26,7 +26,7 @@ def outline(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height 
     return mask & ~within
 
 
-def thinned(image: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:
+def thin_out(image: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:
     """The image thinned to about the width of the panel."""
     step = stride(image.shape[1])
     return np.ascontiguousarray(image[::step, ::step])
@@ -37,7 +37,7 @@ def stride(width: int) -> int:
     return max(width // PICTURE_WIDTH, 1)
 
 
-def fitted(mask: Bool[np.ndarray, "rows columns"], shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
+def fit_frame(mask: Bool[np.ndarray, "rows columns"], shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
     """A mask, possibly thinned, enlarged to an image of this shape; empty where it is of another."""
     height, width = shape[:2]
     step = max(-(-width // max(mask.shape[1], 1)), 1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, Ends, outer, residuals, slopes, whitened
+from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, Ends, outer, residuals, slopes, whiten
 from app.perception.calibration.se3 import exp, inverse, transform
 from app.perception.calibration.start import of_all, start
 from bench.boards import BOARD, LENS, cell, off
@@ -37,7 +37,7 @@ def test_whitening_is_the_inverse_of_the_covariance():
     _, by_gripper = slopes(Ends(X=truth.X, Y=truth.Y), truth.grippers[0], BOARD.corners(), LENS, "fixed")
     joints = np.diag([JOINTS_RAD**2] * 3 + [JOINTS_M**2] * 3)
     S = PIXEL_PX**2 * np.eye(len(by_gripper)) + by_gripper @ joints @ by_gripper.T
-    np.testing.assert_allclose(whitened(by_gripper, S), np.eye(len(S)), atol=1e-8)
+    np.testing.assert_allclose(whiten(by_gripper, S), np.eye(len(S)), atol=1e-8)
 
 
 @pytest.mark.parametrize("setup", ["fixed", "wrist"])

@@ -6,7 +6,7 @@ import pytest
 from app.config import Workspace
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.next_pose import HandEyeSetup, NextPose, about, next_pose
-from app.perception.calibration.se3 import exp, inverse, moved, transform
+from app.perception.calibration.se3 import exp, inverse, transform, transform_points
 from app.perception.calibration.solve import CalibrationView
 from bench.boards import BOARD, LENS, Cell, Errors, cell, exact, seen
 
@@ -26,7 +26,7 @@ def test_the_board_is_whole_in_the_image_there_and_the_gripper_in_the_workspace(
         best = found(eye, views, seed)
         assert WIDE.contains(best.T_world_gripper[:3, 3])
         H = outer(best.T_world_gripper, setup)
-        pixels = LENS.project(moved(inverse(truth.X) @ H @ truth.Y, BOARD.outline()))
+        pixels = LENS.project(transform_points(inverse(truth.X) @ H @ truth.Y, BOARD.outline()))
         assert np.all((pixels > 0) & (pixels < [LENS.width, LENS.height]))
         assert best.promised_m < best.deviation_m
 

@@ -9,7 +9,7 @@ import pytest
 from app.core.errors import ParameterError, PerceptionError, UsageError
 from app.core.geometry.charuco import Charuco
 from app.core.geometry.lens import Lens
-from app.perception.calibration.se3 import moved
+from app.perception.calibration.se3 import transform_points
 from app.perception.calibration.sight import sight
 from bench.boards import BOARD, LENS, Camera, cell, image
 
@@ -20,7 +20,7 @@ def view(seed: int, lens: Lens = LENS, camera: Camera | None = None):
     """An image, and where its corners are by the pinhole."""
     pose = cell(seed, 1).C[0]
     taken = image(pose, camera or Camera(), np.random.default_rng(seed), lens)
-    return taken, pose, LENS.project(moved(pose, BOARD.corners()))
+    return taken, pose, LENS.project(transform_points(pose, BOARD.corners()))
 
 
 @pytest.mark.parametrize("lens", [LENS, BENT], ids=["straight", "bent"])
@@ -31,7 +31,7 @@ def test_corners_are_found_to_a_tenth_of_a_pixel_and_the_pose_to_a_millimetre(le
         assert len(found.ids) == BOARD.corner_count
         assert np.sqrt(np.mean((found.pixels - corners[found.ids]) ** 2)) < 0.1
         middle = np.array([[*BOARD.size_m, 0.0]]) / 2
-        assert np.linalg.norm(moved(found.T_camera_board, middle) - moved(pose, middle)) < 2e-3
+        assert np.linalg.norm(transform_points(found.T_camera_board, middle) - transform_points(pose, middle)) < 2e-3
         assert np.degrees(np.arccos(found.T_camera_board[:3, 2] @ pose[:3, 2])) < 0.5
         assert found.error_px < 0.4
 
@@ -51,7 +51,7 @@ def test_what_cannot_be_used_is_refused_in_words():
     corner = taken.copy()
     for left, top in ((3.4, -1.0), (-1.0, 2.6)):
         quad = np.array([[left, top], [9.0, top], [9.0, 9.0], [left, 9.0]]) * BOARD.square_m
-        pixels = LENS.project(moved(pose, np.column_stack([quad, np.zeros(4)])))
+        pixels = LENS.project(transform_points(pose, np.column_stack([quad, np.zeros(4)])))
         cv2.fillConvexPoly(corner, pixels.astype(np.int32), (90, 90, 90))
     hostile = {
         "no contrast": np.full_like(taken, 128),

@@ -13,7 +13,7 @@ from app.rig.kinova.api.feedback import ActuatorFeedback, BaseFeedback, Feedback
 from app.rig.kinova.control import carried
 from app.rig.kinova.feedback_conversion import seen
 from app.rig.kinova.trajectory_segments import BLEND_M, stretches
-from app.rig.kinova.workspace_limiter import LATE_S, held_back
+from app.rig.kinova.workspace_limiter import LATE_S, hold_back
 
 OPENING_M = 0.085
 
@@ -133,7 +133,7 @@ def test_a_tool_that_obeys_late_stops_before_every_wall(axis: int, side: float) 
     wanted = side * 0.3 * np.eye(3)[axis]
     told = [np.zeros(3)] * round(LATE_S / 0.01)
     for _ in range(500):
-        told.append(held_back(wanted, position, limits))
+        told.append(hold_back(wanted, position, limits))
         velocity = told.pop(0)
         position = position + 0.01 * velocity
     room = np.minimum(position - limits.workspace.low, np.array(limits.workspace.high) - position)
@@ -144,7 +144,7 @@ def test_a_volume_that_is_kept_free_holds_a_tool_back_and_lets_it_pass_beside() 
     stand = KeepOut(name="stand", low=(0.6, -0.1, 0.0), high=(0.7, 0.1, 0.3))
     limits = Limits(keep_out=(stand,))
     towards = np.array([0.3, 0.0, 0.0])
-    assert held_back(towards, np.array([0.599, 0.0, 0.1]), limits)[0] < 0.02
-    assert held_back(towards, np.array([0.599, 0.2, 0.1]), limits) == pytest.approx(towards)
-    assert held_back(-towards, np.array([0.599, 0.0, 0.1]), limits) == pytest.approx(-towards)
-    assert held_back(-towards, np.array([0.61, 0.0, 0.1]), limits) == pytest.approx(-towards)
+    assert hold_back(towards, np.array([0.599, 0.0, 0.1]), limits)[0] < 0.02
+    assert hold_back(towards, np.array([0.599, 0.2, 0.1]), limits) == pytest.approx(towards)
+    assert hold_back(-towards, np.array([0.599, 0.0, 0.1]), limits) == pytest.approx(-towards)
+    assert hold_back(-towards, np.array([0.61, 0.0, 0.1]), limits) == pytest.approx(-towards)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, Phase, RecoveryTimeouts, Step, climbed
+from app.rig.realsense.recovery_policy import Action, CaptureStatus, Ladder, Phase, RecoveryTimeouts, Step, climb
 
 PATIENCE = RecoveryTimeouts()
 ABSENT = "there is no such camera"
@@ -36,7 +36,7 @@ class Camera:
             absent=self.absent,
             death=self.death,
         )
-        self.ladder, action = climbed(self.ladder, sight, PATIENCE)
+        self.ladder, action = climb(self.ladder, sight, PATIENCE)
         if action is not None:
             self.told.append((self.now_s, action))
             self.step, self.failure, self.absent, self.death = "opening", "", False, ""

@@ -50,7 +50,7 @@ def test_every_unit_of_the_catalogue_is_shown_and_keeps_the_value(spec) -> None:
 def test_numbers_have_the_digits_that_their_interval_supports(
     numbers: tuple[float, float, float], unit: str, shown: str
 ) -> None:
-    assert words.measured(*numbers, unit) == shown
+    assert words.measurement(*numbers, unit) == shown
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])

@@ -18,7 +18,7 @@ from app.core.errors import UsageError
 from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import ActionDistribution, PlanningState
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, TrainingSimulator
-from app.policy.learned.networks import EncoderMLP, applied
+from app.policy.learned.networks import EncoderMLP, apply_mask
 from app.policy.learned.sight import PolicyObservation
 from app.sim.candidates import are_finite
 from app.sim.diagnosis.object_state import ObjectState
@@ -73,7 +73,7 @@ class Imitation(NextOnly):
         return scale.back(moves, jnp.zeros_like(moves))
 
     def _moves(self, params: Params, seen: PolicyObservation, how: Lessons) -> Float[Array, "B T K"]:
-        out = applied(self._network(how.space.chunk), params, seen)
+        out = apply_mask(self._network(how.space.chunk), params, seen)
         return out.reshape(-1, *how.space.chunk)
 
     def _made(
@@ -83,7 +83,7 @@ class Imitation(NextOnly):
         wanted = how.framed(goal, now, lambda seen: self.act(params, seen, how, scale)).mean
         here, start = jax.lax.stop_gradient((wanted, now))
         # The loss is a mean over the candidates.
-        return _shortened(wanted + (how.space.project(here, start) - here), self.steepest / len(wanted))
+        return _shorten(wanted + (how.space.project(here, start) - here), self.steepest / len(wanted))
 
     def _network(self, chunk: Chunk) -> EncoderMLP:
         return EncoderMLP(self.width, self.hidden, self.depth, int(np.prod(chunk)))
@@ -103,7 +103,7 @@ def _finite(state: ObjectState, before: ObjectState) -> ObjectState:
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(1,))
-def _shortened(actions: Float[Array, "B A"], steepest: float) -> Float[Array, "B A"]:
+def _shorten(actions: Float[Array, "B A"], steepest: float) -> Float[Array, "B A"]:
     """The same, with slopes of each candidate no longer than that, and none where they are no numbers."""
     del steepest
     return actions
@@ -120,5 +120,5 @@ def _shortened_backward(steepest: float, _: None, slopes: Float[Array, "B A"]) -
     return (jnp.where(jnp.isfinite(length), shorter, 0.0),)
 
 
-_shortened.defvjp(_shortened_forward, _shortened_backward)
+_shorten.defvjp(_shortened_forward, _shortened_backward)
 LEARNER = Imitation()

@@ -72,7 +72,7 @@ def export(
             done(path)
     _write_meta(tools, folder, features, rows, tasks, fps=fps, steps=steps)
     whole = {key: np.concatenate([numbers[key] for numbers in told]) for key in told[0]}
-    told_of_all = json.dumps(_described(whole, images), indent=4)
+    told_of_all = json.dumps(_describe(whole, images), indent=4)
     (folder / "meta" / "stats.json").write_text(told_of_all, encoding="utf-8")
     return Exported(len(rows), steps)
 
@@ -205,7 +205,7 @@ def _row(
     images: Mapping[str, Sequence[bytes]],
 ) -> dict[str, Any]:
     """Row of an episode in `meta/episodes`."""
-    told = _described(numbers, images)
+    told = _describe(numbers, images)
     return {
         "episode_index": index,
         "tasks": [samples.episode.task.replace("_", " ")],
@@ -255,7 +255,7 @@ def _write_meta(
     (meta / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
 
 
-def _described(numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]]) -> dict[str, stats.Stats]:
+def _describe(numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]]) -> dict[str, stats.Stats]:
     """Statistics of each numeric or image feature."""
     told = {key: stats.of_numbers(_columns(value)) for key, value in numbers.items() if value.dtype != bool}
     return told | {key: stats.of_images(pictures) for key, pictures in images.items()}

@@ -19,14 +19,14 @@ _EVERY_PIXEL: Final = 4
 
 def of_numbers(values: Float[np.ndarray, "S D"]) -> Stats:
     """Statistics of each component over the steps."""
-    return _described(values, len(values))
+    return _describe(values, len(values))
 
 
 def of_images(images: Sequence[bytes]) -> Stats:
     """Statistics of red, green and blue in 0..1 over steps and pixels, each of shape (3, 1, 1), as LeRobot expects."""
     chosen = np.unique(np.linspace(0, len(images) - 1, min(len(images), _MOST_IMAGES)).round().astype(int))
     pixels = np.concatenate([_pixels(images[index]) for index in chosen])
-    found = _described(pixels / 255.0, len(chosen))
+    found = _describe(pixels / 255.0, len(chosen))
     return {name: value if name == "count" else np.reshape(value, (3, 1, 1)).tolist() for name, value in found.items()}
 
 
@@ -37,7 +37,7 @@ def _pixels(jpeg: bytes) -> UInt8[np.ndarray, "P 3"]:
     return image[::_EVERY_PIXEL, ::_EVERY_PIXEL, ::-1].reshape(-1, 3)
 
 
-def _described(values: Float[np.ndarray, "S D"], count: int) -> Stats:
+def _describe(values: Float[np.ndarray, "S D"], count: int) -> Stats:
     quantiles = np.quantile(values, list(_QUANTILES.values()), axis=0)
     return {
         "min": values.min(0).tolist(),

@@ -75,7 +75,7 @@ def decode(cls: type[_Message], data: bytes) -> _Message:
         if (slot := slots.get(number)) is None:
             continue
         if slot.repeated:
-            found[slot.name] = (*found.get(slot.name, ()), *_repeated(slot, wire_type, raw))
+            found[slot.name] = (*found.get(slot.name, ()), *_repeat(slot, wire_type, raw))
         elif wire_type == _WIRE_TYPES[slot.kind]:
             found[slot.name] = _value(slot, raw)
     return cls(**found)
@@ -105,13 +105,13 @@ def _slots(cls: type[Any]) -> dict[int, _Slot]:
 def _field(slot: _Slot, value: Any) -> bytes:
     """A field with its tag, or tags where messages or texts repeat."""
     if not slot.repeated:
-        return _tagged(slot.number, _WIRE_TYPES[slot.kind], _one(slot, value))
+        return _tag(slot.number, _WIRE_TYPES[slot.kind], _one(slot, value))
     if _WIRE_TYPES[slot.kind] == _BYTES:
-        return b"".join(_tagged(slot.number, _BYTES, _one(slot, each)) for each in value)
-    return _tagged(slot.number, _BYTES, b"".join(_one(slot, each) for each in value))
+        return b"".join(_tag(slot.number, _BYTES, _one(slot, each)) for each in value)
+    return _tag(slot.number, _BYTES, b"".join(_one(slot, each) for each in value))
 
 
-def _tagged(number: int, wire_type: int, content: bytes) -> bytes:
+def _tag(number: int, wire_type: int, content: bytes) -> bytes:
     length = _as_varint(len(content)) if wire_type == _BYTES else b""
     return _as_varint(number << 3 | wire_type) + length + content
 
@@ -178,7 +178,7 @@ def _raw(data: bytes, position: int, wire_type: int) -> tuple[int | bytes, int]:
     return data[position : position + length], position + length
 
 
-def _repeated(slot: _Slot, wire_type: int, raw: int | bytes) -> tuple[Any, ...]:
+def _repeat(slot: _Slot, wire_type: int, raw: int | bytes) -> tuple[Any, ...]:
     """One or, packed, several values of a repeated field; none for another wire type."""
     expected = _WIRE_TYPES[slot.kind]
     if wire_type == expected:

@@ -67,18 +67,16 @@ class KortexFrame:
     def encoded(self) -> bytes:
         """The frame as a datagram. Raises WireError where a number does not fit its bits."""
         header = _Header(
-            frame_info=_packed(
+            frame_info=_pack(
                 (VERSION, 4, "version"),
                 (self.kind, 4, "kind"),
                 (self.device, 8, "device"),
                 (self.error, 4, "error"),
                 (self.sub_error, 12, "sub_error"),
             ),
-            message_info=_packed((self.session, 16, "session"), (self.message, 16, "message")),
-            service_info=_packed(
-                (VERSION, 4, "version"), (self.service, 12, "service"), (self.function, 16, "function")
-            ),
-            payload_info=_packed((0, 8, "reserved"), (len(self.payload), 24, "payload length")),
+            message_info=_pack((self.session, 16, "session"), (self.message, 16, "message")),
+            service_info=_pack((VERSION, 4, "version"), (self.service, 12, "service"), (self.function, 16, "function")),
+            payload_info=_pack((0, 8, "reserved"), (len(self.payload), 24, "payload length")),
         )
         return encode(_Envelope(header=header, payload=self.payload))
 
@@ -95,11 +93,11 @@ def decoded(data: bytes) -> KortexFrame:
     envelope = decode(_Envelope, data)
     if (header := envelope.header) is None:
         raise WireError("A frame has no header.")
-    version, kind, device, error, sub_error = _unpacked(header.frame_info, 4, 4, 8, 4, 12)
+    version, kind, device, error, sub_error = _unpack(header.frame_info, 4, 4, 8, 4, 12)
     if version != VERSION:
         raise WireError(f"A frame is of version {version} of the protocol, this program speaks {VERSION}.")
-    session, message = _unpacked(header.message_info, 16, 16)
-    _, service, function = _unpacked(header.service_info, 4, 12, 16)
+    session, message = _unpack(header.message_info, 16, 16)
+    _, service, function = _unpack(header.service_info, 4, 12, 16)
     return KortexFrame(
         kind=kind,
         service=service,
@@ -142,7 +140,7 @@ class Splitter:
         return len(start) > 0
 
 
-def _packed(*parts: tuple[int, int, str]) -> int:
+def _pack(*parts: tuple[int, int, str]) -> int:
     """A word of (value, bits, name), the highest first."""
     word = 0
     for value, bits, name in parts:
@@ -152,7 +150,7 @@ def _packed(*parts: tuple[int, int, str]) -> int:
     return word
 
 
-def _unpacked(word: int, *widths: int) -> list[int]:
+def _unpack(word: int, *widths: int) -> list[int]:
     """The parts of a word of 32 bits, the highest first."""
     parts, left = list[int](), 32
     for bits in widths:

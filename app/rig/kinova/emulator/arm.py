@@ -206,10 +206,10 @@ class FakeArm:
         cartesian = tuple(each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint)
         if cartesian:
             linear, angular = self.soft_limits[ControlMode.CARTESIAN_WAYPOINT_TRAJECTORY]
-            slow = tuple(_slowed(each, linear, angular) for each in cartesian)
+            slow = tuple(_slow_down(each, linear, angular) for each in cartesian)
             return AlongPath(TimedPath(gen3.tool(self.joints), slow), short_m=self.adversity.short_m)
         angular = [each.angular_waypoint or AngularWaypoint() for each in ways.waypoints]
-        targets = [_unwrapped(np.radians(each.angles), self.joints) for each in angular]
+        targets = [_unwrap(np.radians(each.angles), self.joints) for each in angular]
         return InJoints(self.joints, targets, [each.duration for each in angular])
 
     def _think(self, action: Action, begin: Callable[[], JointMotion | None]) -> None:
@@ -300,7 +300,7 @@ class FakeArm:
         )
 
 
-def _slowed(waypoint: CartesianWaypoint, linear_m_s: float, angular_deg_s: float) -> CartesianWaypoint:
+def _slow_down(waypoint: CartesianWaypoint, linear_m_s: float, angular_deg_s: float) -> CartesianWaypoint:
     """The waypoint within the soft limits; one without a speed gets the highest that they allow."""
     return dataclasses.replace(
         waypoint,
@@ -318,10 +318,10 @@ def _angles(said: ConstrainedJointAngles, now: gen3.Joints) -> gen3.Joints:
     target = now.copy()
     for each in (said.joint_angles or JointAngles()).joint_angles:
         target[each.joint_identifier] = np.radians(each.value)
-    return _unwrapped(target, now)
+    return _unwrap(target, now)
 
 
-def _unwrapped(target: gen3.Joints, now: gen3.Joints) -> gen3.Joints:
+def _unwrap(target: gen3.Joints, now: gen3.Joints) -> gen3.Joints:
     """The same angles, the nearer way round for continuous joints: the arm reports 0 to 360 degrees."""
     near, within = now + np.angle(np.exp(1j * (target - now))), np.angle(np.exp(1j * target))
     return np.where(np.isfinite(gen3.RANGE), within, near)

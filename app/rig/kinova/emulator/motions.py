@@ -48,7 +48,7 @@ class JointMotion(Protocol):
         ...
 
 
-def limited(before: Joints, after: Joints, duration_s: float) -> Joints:
+def limit(before: Joints, after: Joints, duration_s: float) -> Joints:
     """`after`, or as far towards it as the joints' speeds allow."""
     change = after - before
     worst = float((np.abs(change) / (gen3.JOINT_SPEED * duration_s)).max())
@@ -78,7 +78,7 @@ class AlongPath:
         target, found = self.path.at(self._time_s), joints
         for _ in range(_STEPS):
             found = gen3.nearer(found, target)
-        moved = limited(joints, found, duration_s)
+        moved = limit(joints, found, duration_s)
         self._judge(moved, target, duration_s)
         return moved
 
@@ -138,7 +138,7 @@ class InJoints:
             self._leg, self._time_s = self._leg + 1, 0.0
         u = min(self._time_s / self._lasts[self._leg], 1.0)
         begin, end = self._stops[self._leg], self._stops[self._leg + 1]
-        return limited(joints, begin + (end - begin) * (3 * u**2 - 2 * u**3), duration_s)
+        return limit(joints, begin + (end - begin) * (3 * u**2 - 2 * u**3), duration_s)
 
     def brake(self) -> None:
         """Decelerate to rest."""
@@ -181,7 +181,7 @@ class Twisting:
         target[:3, 3] += self._now[:3] * duration_s
         target[:3, :3] = Rotation.from_rotvec(self._now[3:] * duration_s).as_matrix() @ links[7, :3, :3]
         found = gen3.nearer(gen3.nearer(joints, target), target)
-        return limited(joints, found, duration_s)
+        return limit(joints, found, duration_s)
 
     def brake(self) -> None:
         """Decelerate to rest."""

@@ -53,7 +53,7 @@ class TimedPath:
     def __init__(self, start: Transform, waypoints: tuple[CartesianWaypoint, ...]) -> None:
         frames = [start, *(gen3.transform(each.pose or Pose()) for each in waypoints)]
         legs = _legs(frames, waypoints)
-        keys, points, speeds, turning, stops = _sampled(legs)
+        keys, points, speeds, turning, stops = _sample(legs)
         slerp = Slerp(np.arange(len(frames)), Rotation.from_matrix(np.array([frame[:3, :3] for frame in frames])))
         rotations = slerp(keys)
         away = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -120,7 +120,7 @@ def _legs(frames: list[Transform], waypoints: tuple[CartesianWaypoint, ...]) -> 
     return legs
 
 
-def _sampled(legs: list[Leg]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _sample(legs: list[Leg]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Keys (counting waypoints) and points of the samples, both speeds of each gap, and the samples to stop at."""
     keys, points, speeds, turning, stops = [0.0], [legs[0].start], list[float](), list[float](), [True]
     for index, leg in enumerate(legs):

@@ -20,18 +20,18 @@ class Listed:
     usb: str
 
 
-def found(sdk: Sdk) -> Sequence[Listed]:
+def find(sdk: Sdk) -> Sequence[Listed]:
     """Every camera that the SDK's context knows. One that is just leaving the bus may be left out."""
     cameras = list[Listed]()
     for device in sdk.context.query_devices():
         try:
-            cameras.append(described(sdk.rs, device))
+            cameras.append(describe(sdk.rs, device))
         except RuntimeError:  # The SDK's error of a device that went away since.
             continue
     return cameras
 
 
-def described(rs: ModuleType, device: Any) -> Listed:
+def describe(rs: ModuleType, device: Any) -> Listed:
     """Description of `device` by itself."""
     info = rs.camera_info
     return Listed(
@@ -45,7 +45,7 @@ def described(rs: ModuleType, device: Any) -> Listed:
 
 def census(sdk: Sdk) -> Mapping[str, Any]:
     """Report for the doctor, as JSON values: the SDK's version, and each camera with its warnings."""
-    cameras = found(sdk)
+    cameras = find(sdk)
     return {
         "version": str(sdk.rs.__version__),
         "connections": {each.serial: warning(each) for each in cameras},

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from app.core.errors import DeviceError
-from app.rig.realsense.sdk.device_enumeration import found
+from app.rig.realsense.sdk.device_enumeration import find
 from app.rig.realsense.sdk.sdk import Opening, Sdk
 
 
@@ -57,7 +57,7 @@ class Live:
             raise DeviceError(f"Camera {self.serial!r} cannot be reset: {error}.") from error
 
     def _device(self, sdk: Sdk) -> Any:
-        devices = {listed.serial: listed.device for listed in found(sdk)}
+        devices = {listed.serial: listed.device for listed in find(sdk)}
         if self.serial not in devices:
             there = f"there are {', '.join(sorted(devices))}" if devices else "there is none at all"
             raise CameraAbsent(

@@ -12,7 +12,7 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Stage
 from app.core.system.ring import Ring
 from app.core.types import ColourImage, DepthImage, ToolPose
-from app.rig.simulated.cameras.held_board import HeldBoard, painted
+from app.rig.simulated.cameras.held_board import HeldBoard, paint
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.world_process import newest_snapshot
 from app.rig.simulated.worlds.world import Snapshot
@@ -66,7 +66,7 @@ def _seen(
     board: tuple[HeldBoard, ToolPose] | None,
 ) -> tuple[ColourImage, DepthImage]:
     color, depth = render(snapshot, camera, rng, stage=stage)
-    return painted(*board, camera, color, depth, rng) if board is not None else (color, depth)
+    return paint(*board, camera, color, depth, rng) if board is not None else (color, depth)
 
 
 def _hand(arm: ArmMemory, time_s: float) -> ToolPose:

@@ -44,7 +44,7 @@ class HeldBoard:
         return T_world_tool @ T_tool_board
 
 
-def painted(
+def paint(
     held: HeldBoard,
     tool: ToolPose,
     camera: CameraModel,

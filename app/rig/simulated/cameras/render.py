@@ -53,7 +53,7 @@ def render(
 ) -> tuple[ColourImage, DepthImage]:
     """The image pair that `camera` takes of `snapshot`: RGB and aligned depth (in the camera's unit, 0 = none)."""
     layer = _with_moving(_background(camera), surfaces(snapshot, stage), camera)
-    return _exposed(layer, camera, rng, noise or CameraNoise())
+    return _expose(layer, camera, rng, noise or CameraNoise())
 
 
 def _directions(camera: CameraModel) -> Directions:
@@ -151,7 +151,7 @@ def _cast(
     return hits["t_hit"].numpy(), hits["primitive_normals"].numpy(), colours[owners[triangle]]
 
 
-def _exposed(
+def _expose(
     layer: _Layer, camera: CameraModel, rng: np.random.Generator, noise: CameraNoise
 ) -> tuple[ColourImage, DepthImage]:
     """The layer as the sensor outputs it: noisy, with holes, in integers."""

@@ -87,7 +87,7 @@ _LENGTH_M, _RADIUS_M = 0.40, 0.008
 """Size of the rope to which the stiffness and yield of `ROPE_WORLDS` belong."""
 
 
-def sized(physics: WorldPhysics, rope: Rope) -> WorldPhysics:
+def with_size(physics: WorldPhysics, rope: Rope) -> WorldPhysics:
     """The same material in a rope of another size: rigidity grows with the fourth power of the radius.
 
     The chain's segments grow with its length, and its hinges' angles with them: it yields at the same curvature. Across

@@ -49,7 +49,7 @@ def tube(centreline: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour
     # The rope lies on the table and is nowhere near vertical, so the world's z axis serves as its frame.
     side = np.cross(along, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    return swept(middle, side, np.cross(side, along), radii, colour)
+    return sweep(middle, side, np.cross(side, along), radii, colour)
 
 
 def _rounded_ends(
@@ -74,10 +74,10 @@ def turned(
     """A body of revolution about the z axis of `frame`."""
     middle = frame[:3, 3] + heights[:, None] * frame[:3, 2]
     rings = len(heights)
-    return swept(middle, np.tile(frame[:3, 0], (rings, 1)), np.tile(frame[:3, 1], (rings, 1)), radii, colour)
+    return sweep(middle, np.tile(frame[:3, 0], (rings, 1)), np.tile(frame[:3, 1], (rings, 1)), radii, colour)
 
 
-def swept(
+def sweep(
     middle: Float64[np.ndarray, "R 3"],
     side: Float64[np.ndarray, "R 3"],
     up: Float64[np.ndarray, "R 3"],

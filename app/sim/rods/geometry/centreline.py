@@ -17,8 +17,8 @@ from jaxtyping import Float32, Float64
 from threadpoolctl import ThreadpoolController
 
 from app.core.types import Points
-from app.sim.rods.geometry.orders import core_density, reconnected, shortest_orders
-from app.sim.rods.geometry.polyline import distance, lengths, of_equal_steps, places, resampled, turns
+from app.sim.rods.geometry.orders import core_density, reconnect, shortest_orders
+from app.sim.rods.geometry.polyline import distance, lengths, of_equal_steps, places, resample_polyline, turns
 
 _NOISE = 0.19
 """Standard deviation of a point's place, in radii: 1.5 mm for 8 mm."""
@@ -129,7 +129,7 @@ class Trace:
         return float("inf") if self.rival is None else float(self.scores[self.rival] - self.scores[0])
 
 
-def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Trace:
+def trace(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Trace:
     """Centrelines through particles `x` of a rope on the table z = 0.
 
     `near`: where the centreline was predicted to be [m]; it is one hypothesis more, and others that are far from it
@@ -137,47 +137,47 @@ def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
     of the particles. The last few are kept: who simulates a rope and who judges its cloud ask for the same one.
     """
     prior = None if near is None else np.ascontiguousarray(near, np.float64).tobytes()
-    return _traced(np.ascontiguousarray(x, np.float32).tobytes(), rope, prior)
+    return _trace(np.ascontiguousarray(x, np.float32).tobytes(), rope, prior)
 
 
 @lru_cache(maxsize=4)
 @_BLAS.wrap(limits=1, user_api="blas")
-def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
+def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     x = np.frombuffer(points, np.float32).reshape(-1, 3)
     near = None if prior is None else np.frombuffer(prior, np.float64).reshape(-1, 2)
-    cloud = weighted(x, rope)
+    cloud = mean_by_weights(x, rope)
     orders = shortest_orders(cloud.at, cloud.weight, _spots(rope, len(cloud.at)), rope.radius_m, _TRIED)
-    starts = [resampled(order, rope.count) for order in orders]
+    starts = [resample_polyline(order, rope.count) for order in orders]
     if near is not None:
         starts.append(near - cloud.origin)
     lines = _fitted(np.stack(starts), cloud, rope)
-    lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
+    lines, scores = _sort_along(lines, _scores(lines, cloud, rope, near))
     if len(lines) > 1 or strands_touch(lines[0], rope):
-        lines, scores = _varied(lines, scores, cloud, rope, near)
-    lines = _refined(lines, cloud, rope)
-    return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
+        lines, scores = _variants(lines, scores, cloud, rope, near)
+    lines = _refine(lines, cloud, rope)
+    return Trace(lines=_direct(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
-def weighted(x: Points, rope: RopeShape) -> Weighted:
+def mean_by_weights(x: Points, rope: RopeShape) -> Weighted:
     """Points of the plane with weights by their distance from the centreline."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
     if len(x) > _MOST_POINTS:
-        at, share, variance = _averaged(at, variance, np.sqrt(2 * rope.radius_m * rope.length_m / _MOST_POINTS))
+        at, share, variance = _average(at, variance, np.sqrt(2 * rope.radius_m * rope.length_m / _MOST_POINTS))
     origin = at.mean(0)
     return Weighted(at=at - origin, share=share, variance=variance, origin=origin)
 
 
-def placed(
+def place_nodes(
     x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape
 ) -> tuple[Float32[np.ndarray, " N"], Float32[np.ndarray, " N"]]:
     """Places of particles along a centreline, in segments, and their weights in a fit, one in the mean."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
     cloud = Weighted(at=at, share=share, variance=variance, origin=np.zeros(2))
-    along = balanced(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
+    along = balance_ends(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
     beyond = _beyond(np.zeros(1), through(along, cloud, rope.count, SMOOTHING), rope)
-    along = _stretched(along, beyond, rope)[0]
+    along = _stretch(along, beyond, rope)[0]
     return along.astype(np.float32), cloud.weight.astype(np.float32)
 
 
@@ -186,7 +186,7 @@ def radius_of(x: Points, rest_m: float) -> float:
     return float(np.clip(2 * np.std(x[:, 2]), 0.3 * rest_m, 2 * rest_m))
 
 
-def balanced(
+def balance_ends(
     along: Float64[np.ndarray, "K N"], share: Float64[np.ndarray, " N"], rope: RopeShape, balance: float
 ) -> Float64[np.ndarray, "K N"]:
     """Places such that equal lengths hold equal volumes, holes left out, as far as `balance` says (0..1).
@@ -237,7 +237,7 @@ def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
     return h2 / 3 + (_NOISE * radius_m) ** 2
 
 
-def _varied(
+def _variants(
     lines: Float64[np.ndarray, "K n 2"],
     scores: Float64[np.ndarray, " K"],
     cloud: Weighted,
@@ -251,10 +251,10 @@ def _varied(
         if not left:
             break
         done.append(left[0])
-        starts = [resampled(line, rope.count) for line in reconnected(left[0], cloud, rope, _RECONNECTED)]
+        starts = [resample_polyline(line, rope.count) for line in reconnect(left[0], cloud, rope, _RECONNECTED)]
         more = _fitted(np.stack(starts), cloud, rope)
         every = np.concatenate([lines, more])
-        lines, scores = _sorted(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
+        lines, scores = _sort_along(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
         if Trace(lines=lines, scores=scores, cloud=cloud, rope=rope).margin > _SURE:
             break
     return lines, scores
@@ -263,17 +263,17 @@ def _varied(
 def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
     lines = of_equal_steps(lines, rope.rest_m)
     for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
-        along = balanced(places(lines, cloud.at)[0], cloud.share, rope, balance)
+        along = balance_ends(places(lines, cloud.at)[0], cloud.share, rope, balance)
         lines = of_equal_steps(through(along, cloud, rope.count, smoothing), rope.rest_m, 2)
     return of_equal_steps(lines, rope.rest_m)
 
 
-def _refined(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
+def _refine(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
     """Lines without the round ends of the rope, which hypotheses reach into by cutting bends."""
     beyond = np.zeros(len(lines))
     for _ in range(_REFINING_ROUNDS):
-        along = balanced(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
-        free = through(_stretched(along, beyond, rope), cloud, rope.count, SMOOTHING)
+        along = balance_ends(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
+        free = through(_stretch(along, beyond, rope), cloud, rope.count, SMOOTHING)
         lines, beyond = of_equal_steps(free, rope.rest_m, 2), _beyond(beyond, free, rope)
     return of_equal_steps(lines, rope.rest_m)
 
@@ -289,7 +289,7 @@ def _beyond(
     return np.clip(beyond + (lengths(free) - rope.length_m) / (2 * rope.rest_m), 0.0, rope.beyond)
 
 
-def _stretched(
+def _stretch(
     along: Float64[np.ndarray, "K N"], beyond: Float64[np.ndarray, " K"], rope: RopeShape
 ) -> Float64[np.ndarray, "K N"]:
     """Places from the first node to the last, spread to so much before the one and after the other."""
@@ -325,7 +325,7 @@ def _scores(
     return total
 
 
-def _averaged(
+def _average(
     at: Float64[np.ndarray, "N 2"], variance: Float64[np.ndarray, " N"], cell_m: float
 ) -> tuple[Float64[np.ndarray, "M 2"], Float64[np.ndarray, " M"], Float64[np.ndarray, " M"]]:
     """Points in cells, weighted by their inverse variances: places, shares and variances, as of a single point."""
@@ -341,7 +341,7 @@ def _spots(rope: RopeShape, points: int) -> int:
     return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 4, max(4, min(64, points // 2))))
 
 
-def _sorted(
+def _sort_along(
     lines: Float64[np.ndarray, "K n 2"], scores: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K n 2"], Float64[np.ndarray, " K"]]:
     """Lines by score, the best first, without non-finite ones."""
@@ -350,7 +350,7 @@ def _sorted(
     return lines[order], scores[order]
 
 
-def _directed(
+def _direct(
     lines: Float64[np.ndarray, "K n 2"], near: Float64[np.ndarray, "n 2"] | None
 ) -> Float64[np.ndarray, "K n 2"]:
     """Each the way of `near`, or from the end with the smaller x (and y)."""

@@ -30,10 +30,10 @@ def shortest_orders(
     at: Float64[np.ndarray, "N 2"], weight: Float64[np.ndarray, " N"], spots: int, radius_m: float, most: int
 ) -> list[Float64[np.ndarray, "spots 2"]]:
     """Spots of a cloud [m] in the orders of short paths through all of them, the shortest first; up to `most`."""
-    centres = spread(at, weight, spots)
+    centres = spread_evenly(at, weight, spots)
     cost = np.zeros((spots + 1, spots + 1))  # The last is no spot: it closes the path to a tour at no cost.
     cost[:spots, :spots] = step_costs(centres, at, weight, radius_m)
-    tours = [_improved(cost, tour) for tour in _greedy(cost)]
+    tours = [_improve(cost, tour) for tour in _greedy(cost)]
     lengths = [cost[tour, np.roll(tour, -1)].sum() for tour in tours]
     found = dict[tuple[int, ...], Int64[np.ndarray, " spots"]]()
     for k in np.argsort(lengths, kind="stable"):
@@ -42,7 +42,7 @@ def shortest_orders(
     return [centres[path] for path in list(found.values())[:most]]
 
 
-def reconnected(
+def reconnect(
     line: Float64[np.ndarray, "n 2"], cloud: "Weighted", rope: "RopeShape", most: int
 ) -> list[Float64[np.ndarray, "n 2"]]:
     """Nodes in other orders: a part of the line is run through the other way; those with the least cost."""
@@ -63,7 +63,7 @@ def reconnected(
     return [np.concatenate([line[:a], line[a : b + 1][::-1], line[b + 1 :]]) for a, b in chosen]
 
 
-def spread(
+def spread_evenly(
     at: Float64[np.ndarray, "N 2"], weight: Float64[np.ndarray, " N"], count: int
 ) -> Float64[np.ndarray, "count 2"]:
     """Centres of `count` clusters: the farthest points first, then Lloyd's iteration with weights."""
@@ -125,18 +125,18 @@ def _greedy(cost: Float64[np.ndarray, "m m"]) -> list[Int64[np.ndarray, " m"]]:
     return tours
 
 
-def _improved(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"]:
+def _improve(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"]:
     """The tour after exchanges of two steps, and moves of up to three spots, until none makes it shorter."""
     for _ in range(_MOVES):
-        better = _exchanged(cost, tour)
-        better = _moved(cost, tour) if better is None else better
+        better = _exchange(cost, tour)
+        better = _move_segments(cost, tour) if better is None else better
         if better is None:
             break
         tour = better
     return tour
 
 
-def _exchanged(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"] | None:
+def _exchange(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"] | None:
     """Steps (i, i + 1) and (j, j + 1) become (i, j) and (i + 1, j + 1), where that saves most."""
     here = cost[np.ix_(tour, tour)]
     step = np.append(np.diagonal(here, 1), here[-1, 0])
@@ -154,7 +154,7 @@ def _lower(m: int) -> Bool[np.ndarray, "m m"]:
     return np.tri(m, m, 1, dtype=bool)
 
 
-def _moved(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"] | None:
+def _move_segments(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"] | None:
     """A run of up to three spots is put between two others, either way round, where that saves most."""
     m, best, result = len(tour), -1e-9, None
     here = cost[np.ix_(tour, tour)]

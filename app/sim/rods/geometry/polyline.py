@@ -65,7 +65,7 @@ def turns(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, "K n-2"]:
     return np.arccos(np.clip((edges[:, 1:] * edges[:, :-1]).sum(2), -1.0, 1.0))
 
 
-def resampled(line: Float64[np.ndarray, "m 2"], count: int) -> Float64[np.ndarray, "n 2"]:
+def resample_polyline(line: Float64[np.ndarray, "m 2"], count: int) -> Float64[np.ndarray, "n 2"]:
     """Places at equal distances along a line, from its first point to its last."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0.0, arc[-1], count)

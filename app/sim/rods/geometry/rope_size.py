@@ -14,9 +14,9 @@ from threadpoolctl import ThreadpoolController
 
 from app.core.types import Cloud
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, through, weighted
+from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, mean_by_weights, through
 from app.sim.rods.geometry.orders import shortest_orders
-from app.sim.rods.geometry.polyline import lengths, places, resampled
+from app.sim.rods.geometry.polyline import lengths, places, resample_polyline
 
 _BLAS = ThreadpoolController()
 _FEWEST: Final = 30
@@ -126,14 +126,14 @@ def _traced(cloud: Cloud, radius_m: float) -> _Trace:
     nodes = centreline_weights(arclength_labels(few), _ORDER_NODES) @ few
     guess_m = float(np.linalg.norm(np.diff(nodes[:, :2], axis=0), axis=1).sum()) * _ORDER_NODES / (_ORDER_NODES - 1)
     count = int(np.clip(round(guess_m / max(_SPACING_RADII * radius_m, _SPACING_M)), *_NODES))
-    about = weighted(few, RopeShape(count=count, rest_m=guess_m / (count - 1), radius_m=radius_m))
+    about = mean_by_weights(few, RopeShape(count=count, rest_m=guess_m / (count - 1), radius_m=radius_m))
     most = min(_NODES[1], len(few) // 2)
     spots = int(np.clip(round(guess_m / max(_SPOT_RADII * radius_m, _SPOT_M)), _NODES[0], most))
-    line = resampled(shortest_orders(about.at, about.weight, spots, radius_m, 1)[0], count)
+    line = resample_polyline(shortest_orders(about.at, about.weight, spots, radius_m, 1)[0], count)
     for _ in range(_ROUNDS):
         along = places(line[None], about.at, _beyond(line, radius_m))[0]
         share = (along - along.min()) / max(float(np.ptp(along)), 1e-9)
-        line = resampled(through(share * (count - 1), about, count, SMOOTHING)[0], count)
+        line = resample_polyline(through(share * (count - 1), about, count, SMOOTHING)[0], count)
     segment_m = float(lengths(line[None])[0]) / (count - 1)
     along = places(line[None], about.at, _beyond(line, radius_m))[0]
     # So many points leave that much of a length beyond the first and the last of them.

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
 from app.core.types import Centreline, Points
-from app.sim.rods.geometry.centreline import RopeShape, Trace, balanced, strands_touch, through, traced
+from app.sim.rods.geometry.centreline import RopeShape, Trace, balance_ends, strands_touch, through, trace
 from app.sim.rods.geometry.polyline import lengths, places
 
 _FEWEST_A_NODE = 2
@@ -72,19 +72,19 @@ def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
     """
     prior = None if near is None or not near.size else near.T.astype(np.float64)
     try:
-        judged(x, rope, prior).checked()
+        assess(x, rope, prior).checked()
     except PerceptionError as error:
         return str(error)
     return ""
 
 
-def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> CentrelineQuality:
+def assess(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> CentrelineQuality:
     """The best centreline through `x`, and what speaks against it. `near`: see `traced`.
 
     Raises PerceptionError where there is nothing to fit: too few points, or not finite.
     """
     _check_points(x, rope)
-    found = traced(x, rope, near)
+    found = trace(x, rope, near)
     along, squared = places(found.line[None], x[:, :2].astype(np.float64))
     beyond = np.clip(np.sqrt(squared[0]) - rope.radius_m, 0.0, None)
     verdict = CentrelineQuality(
@@ -182,7 +182,7 @@ def _bare(along: Float64[np.ndarray, " N"], rope: RopeShape) -> float:
 def _free_length(found: Trace) -> float:
     """Length [m] of the smooth line through the points in the best order, whatever is known of it."""
     line, rope, cloud = found.line - found.cloud.origin, found.rope, found.cloud
-    along = balanced(places(line[None], cloud.at)[0], cloud.share, rope, 1.0)
+    along = balance_ends(places(line[None], cloud.at)[0], cloud.share, rope, 1.0)
     return float(lengths(through(along, cloud, rope.count, 1.0))[0])
 
 
