@@ -22,8 +22,9 @@ from app.policy.random_pushes import PushDesign
 from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.rods.geometry.arc_length import arclength_labels
-from app.sim.rods.geometry.centreline import RopeShape, Weighted, through
+from app.sim.rods.geometry.centreline import through
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.rope_cloud import RopeShape, Weighted
 from app.sim.rods.geometry.verdict import assess
 from app.sim.rods.state import RodState
 from bench.photographs import rendered

@@ -165,7 +165,7 @@ def doubt(task: str, observed: Points, near: Centreline | None = None) -> str:
     `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
     so that neither the cloud nor the prediction that it is `near` tells their order.
     """
-    from app.sim.rods.geometry.centreline import RopeShape
+    from app.sim.rods.geometry.rope_cloud import RopeShape
     from app.sim.rods.geometry.verdict import doubt
     from app.tasks import load
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.sizes import resize
 
 __all__ = ["Preset", "Task", "add", "load", "named", "names"]
 
@@ -78,5 +79,5 @@ def _other(name: TaskName) -> Task:
     """The task with other sizes or dynamics; cached, so that compiled code is found again."""
     task = _found(name.problem)
     if name.sizes:
-        task = task.with_sizes(dict(name.sizes))
+        task = resize(task, dict(name.sizes))
     return task.with_dynamics(name.dynamics)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from app.config import Workspace
 from app.core.errors import PerceptionError
 from app.sim.rods import state
-from app.sim.rods.geometry.centreline import RopeShape, trace
+from app.sim.rods.geometry.centreline import trace
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.rope_cloud import RopeShape
 from app.sim.rods.geometry.verdict import assess, crossing
 from app.sim.rods.state import RodState
 from app.tasks.elements.curves import fill_tube, random_curve

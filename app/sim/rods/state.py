@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, place_nodes, radius_of, trace
+from app.sim.rods.geometry.centreline import SMOOTHING, place_nodes, radius_of, trace
+from app.sim.rods.geometry.rope_cloud import RopeShape
 from app.sim.rods.scene import RodScene
 
 STATE = 8

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias, final
 
@@ -16,7 +16,6 @@ from app.core.messages import Proposal, fresh_id
 from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
-from app.tasks.elements.sizes import resize
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
@@ -38,7 +37,6 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.rods.scene import RodScene
     from app.sim.state import State
     from app.tasks.elements.aim import SuccessCriterion
-    from app.tasks.elements.sizes import Sized
 
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008
@@ -175,7 +173,7 @@ class Task:
     rods: RodDynamics | None = None
     dynamics: str = "mpm"
     own_dynamics: str = "mpm"
-    sized: Sized | None = None
+    sized: Callable[[Rope, Finger], Task] | None = None
 
     def parameters(self, *, stiff: bool | None = None) -> tuple[ParameterSpec, ...]:
         """The columns of phi, as far as its simulators bear them.
@@ -205,10 +203,6 @@ class Task:
     def problem(self) -> str:
         """The name of its file, whatever its sizes and dynamics."""
         return TaskName.parse(self.name).problem
-
-    def with_sizes(self, sizes: Mapping[str, float]) -> Task:
-        """The same with another rope or finger; see `sizes.resize`."""
-        return resize(self, sizes)
 
     def with_dynamics(self, dynamics: str) -> Task:
         """The same task, its object simulated by another engine: "mpm" (material points) or "rods".

@@ -1,22 +1,13 @@
 """Tasks with another rope or another finger than their file's."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING, TypeAlias
 
 from app.core.bounds import checked
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Finger, Rope
 from app.core.task_name import TaskName
-
-if TYPE_CHECKING:
-    from app.tasks.elements.base import Task
-
-Sized: TypeAlias = "Callable[[Rope, Finger], Task]"
-"""A task about this rope and this finger."""
+from app.tasks.elements.base import Task
 
 SIZES = {
     "length_m": (0.18, 0.80),

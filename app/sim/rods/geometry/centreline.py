@@ -19,6 +19,7 @@ from threadpoolctl import ThreadpoolController
 from app.core.types import Points
 from app.sim.rods.geometry.orders import core_density, reconnect, shortest_orders
 from app.sim.rods.geometry.polyline import distance, lengths, of_equal_steps, places, resample_polyline, turns
+from app.sim.rods.geometry.rope_cloud import RopeShape, Weighted
 
 _NOISE = 0.19
 """Standard deviation of a point's place, in radii: 1.5 mm for 8 mm."""
@@ -48,53 +49,8 @@ _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _BLAS = ThreadpoolController()
 """NumPy's thread pool: its matrices here are so small that threads take ten times as long."""
-_MOST_BEYOND = 0.7
-"""Length of a cloud beyond either end of its centreline, in radii: round ends hold 2/3, and depth is blurred."""
 _PRIOR = 1.0, 4.0
 """Standard deviation of the prior centreline, in radii, and the most that it counts."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class RopeShape:
-    """Rope as it is known: number of nodes, their distance `rest_m`, and its radius."""
-
-    count: int
-    rest_m: float
-    radius_m: float
-
-    @property
-    def length_m(self) -> float:
-        """Length of the centreline."""
-        return self.rest_m * (self.count - 1)
-
-    @property
-    def beyond(self) -> float:
-        """Extent of its cloud beyond either end of the centreline, in segments."""
-        return _MOST_BEYOND * self.radius_m / self.rest_m
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Weighted:
-    """Points in the plane [m], relative to their mean `origin`, with weights.
-
-    `share` of the cloud; `variance` of its distance from the centreline [m^2].
-
-    A round rope's points at its top or bottom are near its centreline, those half way up may be a radius beside it: at
-    the height z over the table the chord is 2 h wide, h^2 = r^2 - (z - r)^2, and the variance h^2 / 3.
-    """
-
-    at: Float64[np.ndarray, "N 2"]
-    share: Float64[np.ndarray, " N"]
-    variance: Float64[np.ndarray, " N"]
-    origin: Float64[np.ndarray, "2"]
-
-    @property
-    def weight(self) -> Float64[np.ndarray, " N"]:
-        """Weight of each in a fit, one in the mean."""
-        weight = self.share / self.variance
-        return weight / weight.mean()
 
 
 @final

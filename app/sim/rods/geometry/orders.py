@@ -5,13 +5,11 @@ those from strand to strand. Local search: Lin 1965 ("2-opt"), Or 1976 ("Or-opt"
 """
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-if TYPE_CHECKING:
-    from app.sim.rods.geometry.centreline import RopeShape, Weighted
+from app.sim.rods.geometry.rope_cloud import RopeShape, Weighted
 
 _WIDTH = 0.44
 """Standard deviation of the kernel of densities, in radii."""
@@ -43,7 +41,7 @@ def shortest_orders(
 
 
 def reconnect(
-    line: Float64[np.ndarray, "n 2"], cloud: "Weighted", rope: "RopeShape", most: int
+    line: Float64[np.ndarray, "n 2"], cloud: Weighted, rope: RopeShape, most: int
 ) -> list[Float64[np.ndarray, "n 2"]]:
     """Nodes in other orders: a part of the line is run through the other way; those with the least cost."""
     n = len(line)

@@ -14,9 +14,10 @@ from threadpoolctl import ThreadpoolController
 
 from app.core.types import Cloud
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, mean_by_weights, through
+from app.sim.rods.geometry.centreline import SMOOTHING, mean_by_weights, through
 from app.sim.rods.geometry.orders import shortest_orders
 from app.sim.rods.geometry.polyline import lengths, places, resample_polyline
+from app.sim.rods.geometry.rope_cloud import RopeShape
 
 _BLAS = ThreadpoolController()
 _FEWEST: Final = 30

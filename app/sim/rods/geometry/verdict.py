@@ -11,8 +11,9 @@ from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
 from app.core.types import Centreline, Points
-from app.sim.rods.geometry.centreline import RopeShape, Trace, balance_ends, strands_touch, through, trace
+from app.sim.rods.geometry.centreline import Trace, balance_ends, strands_touch, through, trace
 from app.sim.rods.geometry.polyline import lengths, places
+from app.sim.rods.geometry.rope_cloud import RopeShape
 
 _FEWEST_A_NODE = 2
 _LIFTED = 2.6
