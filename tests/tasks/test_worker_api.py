@@ -52,7 +52,7 @@ def test_a_model_learns_from_what_really_happened(job: object, monkeypatch: pyte
         learnt.extend(transitions)
         return jit_cache.Calibrated(replace(model, id=fresh_id("model")), (), (), ())
 
-    monkeypatch.setattr(jit_cache, "calibrated", calibrated)
+    monkeypatch.setattr(jit_cache, "calibrate_model", calibrated)
     seen = transition(measured=True)
     assert callable(job)
     new = job("rope_push", "cpu", [seen], MODEL)
