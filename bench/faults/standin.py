@@ -34,7 +34,7 @@ def stand_in(plans: Plans = "sound") -> None:
     """Plan, from now on and in this process, corrupted strokes as fast as the site allows, and calibrate by waiting."""
     take_up(Habits(thinking_s=_THINKING_S), partial(_fast, _SPOILT[plans]))
     compiled = cast(Any, sys.modules["app.jobs.jit_cache"])
-    compiled.calibrated, compiled.now = _calibrated, None
+    compiled.calibrate_model, compiled.now = _calibrated, None
 
 
 def _fast(spoil: Callable[[Motion], Motion], motion: Motion, site: Site) -> Motion:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal, cast, final
 import anyio
 import numpy as np
 
-import app.tasks
+import app.jobs
 from app.config import KeepOut, Site
 from app.core.errors import PlanningError
 from app.core.geometry.chamfer import chamfer_m2
@@ -34,8 +34,8 @@ from tests.flow.virtual import InsideWorker, is_virtual
 if TYPE_CHECKING:
     from app.planner.search.plan import Plan
 
-_LOADED = "compiled", "rope_orientation", "stages"
-"""Modules of `app.tasks` that load the simulator."""
+_LOADED = "jit_cache", "rope_orientation", "stages"
+"""Modules of `app.jobs` that load the simulator."""
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 """Range of the strokes: 10 cm nearer to the arm than the rope, which they therefore never move."""
@@ -86,7 +86,7 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
 @contextmanager
 def restored() -> Generator[None]:
     """Restore the planning of this process at the end of the block."""
-    before = {name: sys.modules.get(f"{app.tasks.__name__}.{name}") for name in _LOADED}
+    before = {name: sys.modules.get(f"{app.jobs.__name__}.{name}") for name in _LOADED}
     try:
         yield
     finally:
@@ -96,12 +96,12 @@ def restored() -> Generator[None]:
 
 def _put(name: str, module: ModuleType | None) -> None:
     """Replace `module` in what a task compiles; None removes it, so that it is loaded again."""
-    whole = f"{app.tasks.__name__}.{name}"
+    whole = f"{app.jobs.__name__}.{name}"
     if module is not None:
         sys.modules[whole] = module
-        setattr(app.tasks, name, module)
+        setattr(app.jobs, name, module)
     elif sys.modules.pop(whole, None) is not None:
-        delattr(app.tasks, name)
+        delattr(app.jobs, name)
 
 
 def planner_here() -> Worker:
