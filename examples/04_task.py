@@ -44,8 +44,7 @@ class ArcProblems:
         return fill_tube(nodes, self.rope.radius_m, particle_count)
 
 
-PUSH = load("rope_push")
-TASK = add(replace(PUSH, name="rope_arc", problems=ArcProblems(rope=PUSH.rope), sized=None))
+TASK = add(replace(load("rope_push"), name="rope_arc", problems=ArcProblems(rope=load("rope_push").rope), sized=None))
 
 
 def main(seed: int = 0, pushes: int = 1) -> EpisodeResults:

@@ -101,5 +101,5 @@ def install(patch: pytest.MonkeyPatch) -> None:
         return await run_sync(*arguments, **options)
 
     patch.setattr(to_thread, "run_sync", waited_for)
-    for module in ("sensing", "learning", "calibrating"):
+    for module in ("perception_stage", "model_updates", "calibrating"):
         patch.setattr(f"app.flow.{module}.Worker", worker_here)
