@@ -22,7 +22,7 @@ from app.config import Site
 from app.core.messages import Transition
 from app.jobs.jit_cache import advance
 from app.jobs.worker_api import nominal_model
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.sim.model.params import index
 from app.tasks import Task, load
 from bench.table import Table
@@ -35,11 +35,11 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
     for number in range(pushes):
         now = PlanningState.at_rest(jnp.asarray(x)[None])
         if number % 2:
-            action = jnp.asarray(task.actions.sample(rng, x, AWAY, 1))
+            action = jnp.asarray(task.actions.sample(rng, x, PARKED_POSE, 1))
         else:
             action = task.policy.act(task.policy.prepare(x, goal), now).mean
         allowed = np.asarray(task.actions.project(action, now))[0]
-        seen.append(table.push(task.actions.motion(allowed, AWAY, Site()), x))
+        seen.append(table.push(task.actions.motion(allowed, PARKED_POSE, Site()), x))
         x = seen[-1].after
     return seen
 

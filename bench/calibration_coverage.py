@@ -20,7 +20,7 @@ from app.calibration.evidence import Evidence
 from app.calibration.fit import Fit, FitSettings
 from app.jobs import jit_cache
 from app.jobs.worker_api import nominal_model
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.sim.model.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
@@ -63,8 +63,8 @@ def data_set(
     truth = truth or drawn
     nodes = np.stack([TASK.start(1000 * seed + k) for k in range(pushes)])
     before = np.stack([TASK.particles(each, particles) for each in nodes])
-    actions = jnp.concatenate([jnp.asarray(TASK.actions.sample(rng, x, AWAY, 1)) for x in before])
-    tool = np.asarray(TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (pushes, 1))))
+    actions = jnp.concatenate([jnp.asarray(TASK.actions.sample(rng, x, PARKED_POSE, 1)) for x in before])
+    tool = np.asarray(TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(PARKED_POSE, jnp.float32), (pushes, 1))))
     offset = _offset_m(truth)
     ends = np.asarray(_simulated(TASK, truth, nodes, tool + offset))
     heights = np.full((*ends.shape[:2], 1), TASK.rope.radius_m)

@@ -20,7 +20,7 @@ from app.planner.actions.actions import Pushes
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.granular import Granular
 from app.sim.model.params import NOMINAL_PHYSICS, nominal_phi
@@ -147,7 +147,7 @@ def calibration(repeats: int) -> Decision:
     particles, transitions = 2000, 200
     x, after = (task.goal(seed, particles) for seed in (0, 1))
     rng = np.random.default_rng(0)
-    actions = task.actions.sample(rng, x, AWAY, transitions)
+    actions = task.actions.sample(rng, x, PARKED_POSE, transitions)
     away = PlanningState.at_rest(jnp.tile(x, (transitions, 1, 1))).tool
     evidence = Evidence(
         before=np.tile(x, (transitions, 1, 1)),

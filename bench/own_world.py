@@ -124,7 +124,7 @@ class OwnWorld:
         moves: Sequence["Move"],
         session: float,
     ) -> tuple[np.ndarray, ...]:
-        step = self.scene.dt_s * self.predictor.subject.haste
+        step = self.scene.dt_s * self.predictor.subject.time_scale
         before = _rounded(max(move.shown_s - move.command.times_s[0] for move in moves) / step)
         behind = _rounded(max(move.end_s - move.shown_s for move in moves) / step)
         first = [move.true.at(move.shown_s - step * np.arange(before, -1, -1)) for move in moves]

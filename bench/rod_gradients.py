@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.state import RodState
 from app.tasks.elements.rods import CONTACT, NOMINAL
@@ -71,7 +71,7 @@ class PushCases(NamedTuple):
 
 def paths(actions: jax.Array) -> jax.Array:
     """Tool paths of the finger [m]."""
-    return TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (len(actions), 1)))
+    return TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(PARKED_POSE, jnp.float32), (len(actions), 1)))
 
 
 def costs(physics: RodPhysics, state: RodState, actions: jax.Array, goal: jax.Array) -> jax.Array:
@@ -85,7 +85,7 @@ def push_cases(seed: int) -> PushCases:
     rng = np.random.default_rng(seed)
     x = np.stack([TASK.particles(TASK.start(number), PARTICLES) for number in range(COUNT)])
     goal = np.stack([TASK.goal(number, PARTICLES) for number in range(COUNT)])
-    actions = np.concatenate([TASK.actions.sample(rng, each, AWAY, 1) for each in x])
+    actions = np.concatenate([TASK.actions.sample(rng, each, PARKED_POSE, 1) for each in x])
     given = physics(CONTACT | {name: NOMINAL[name] for name in ("table_friction", "finger_friction")}, COUNT)
     state = RodState.at_rest(jnp.asarray(x), SCENE.nodes, SCENE.rest_m, SCENE.radius_m)
     end = np.asarray(SIMULATE(given, state, paths(jnp.asarray(actions))).x)

@@ -33,7 +33,7 @@ SEEDS = (1, 2, 3)
 PLAN = PushDesign(episodes=3, pushes=6)
 TASK = load("rope_push")
 ROPE = RopeMaterial(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
-"""Yields at the moment at which the world's hinges do: 0.3 mN m, times the task's heft."""
+"""Yields at the moment at which the world's hinges do: 0.3 mN m, times the task's scale of gravity."""
 DAMPING_1_S = 4.0
 """The task's, too. The 20 that it had with the elastic rope are a fifth of the friction that the moving rope feels."""
 

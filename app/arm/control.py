@@ -72,7 +72,7 @@ class Control(Protocol):
         """Command a tool velocity; True where it is accepted: while idle or jogging, and with finite numbers."""
         ...
 
-    def coast(self) -> None:
+    def decelerate(self) -> None:
         """Brake a jogged arm to rest, and be idle then: its commands have ceased."""
         ...
 

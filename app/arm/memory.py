@@ -47,7 +47,7 @@ class ArmMemory:
     """Shared memory of the arm's process and the application.
 
     Written by the application: `motions` (number n is its n-th record), `keepalives` (a number that changes while the
-    motion is supervised), `jogs` (the newest counts) and `heeding` (jogs are accepted), `stop_ns` and `reset_ns`
+    motion is supervised), `jogs` (the newest counts) and `accepts_jog` (jogs are accepted), `stop_ns` and `reset_ns`
     (monotonic time of the last request; a stop is in force while it is later than the last reset), `closing`. Written
     by the arm: `states`, one a tick, which name the motion begun last, and `refusals`.
     """
@@ -56,7 +56,7 @@ class ArmMemory:
         self.states = Ring(_STATE, 8192)
         self.motions = Ring(_MOTION, 2)
         self.refusals = Ring(_REFUSAL, 8)
-        self.jogs, self.heeding = Ring(_JOG, 64), Stamp()
+        self.jogs, self.accepts_jog = Ring(_JOG, 64), Stamp()
         self.keepalives, self.stop_ns, self.reset_ns, self.closing = Stamp(), Stamp(), Stamp(), Stamp()
 
 

@@ -114,11 +114,11 @@ class _Loop:
         """Follow the newest jog; brake where none has come within the watchdog's time, or none is accepted."""
         memory, control = self._memory, self._control
         new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
-        heeds = memory.heeding.value and now_s - self._heard_s <= self._timing.watchdog_s
+        heeds = memory.accepts_jog.value and now_s - self._heard_s <= self._timing.watchdog_s
         if new and heeds and control.jog(jog_of(memory.jogs.newest())):
             self._jogged_s = now_s
         elif not heeds or now_s - self._jogged_s > self._timing.watchdog_s:
-            control.coast()
+            control.decelerate()
 
     def _hear_watcher(self, now_s: float) -> None:
         """Note a keep-alive at the time of reading, by this clock: a sender's wrong stamps keep no arm going."""

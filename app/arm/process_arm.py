@@ -91,7 +91,7 @@ class ProcessArm:
 
     def jog(self, jog: Jog) -> bool:
         """Post a velocity command for the arm's next tick, where jogs are accepted. From any thread."""
-        if not self._memory.heeding.value or self.held:
+        if not self._memory.accepts_jog.value or self.held:
             return False
         # Threads may jog at the same time, and a ring has one writer.
         with self._hand:
@@ -107,11 +107,11 @@ class ProcessArm:
         self._check_alive()
         self._check_free()
         self._memory.keepalives.value += 1
-        self._busy, self._memory.heeding.value = True, 1
+        self._busy, self._memory.accepts_jog.value = True, 1
         try:
             log, reason = await self._stretch(over)
         finally:
-            self._busy, self._memory.heeding.value = False, 0
+            self._busy, self._memory.accepts_jog.value = False, 0
         if not len(log):
             return None
         executed = _executed(log, fresh_id("jogged"))
@@ -199,13 +199,13 @@ class ProcessArm:
                 if self.held:
                     raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then move the tool again.")
                 if over is not None and over.is_set():
-                    if not memory.heeding.value:  # The arm has had time to react to the last jog.
+                    if not memory.accepts_jog.value:  # The arm has had time to react to the last jog.
                         return log, reason
-                    memory.heeding.value = 0
+                    memory.accepts_jog.value = 0
             elif over is not None and over.is_set():
-                memory.heeding.value = 0
-            elif log["time_s"][-1] - log["time_s"][0] > timing.jog_longest_s and memory.heeding.value:
-                memory.heeding.value = 0
+                memory.accepts_jog.value = 0
+            elif log["time_s"][-1] - log["time_s"][0] > timing.jog_longest_s and memory.accepts_jog.value:
+                memory.accepts_jog.value = 0
                 reason = f"Moved by hand for {timing.jog_longest_s:.0f} s without a rest, which is as long as may be."
         return log[:end], reason
 

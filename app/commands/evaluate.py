@@ -101,7 +101,7 @@ def evaluate(
         for seed in range(seeds)
         for name in tasks
         for chosen, left_out in methods
-        if online or load(name).lesson or left_out != NO_ONLINE
+        if online or load(name).training_variant or left_out != NO_ONLINE
     ]
     if not trials:
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")

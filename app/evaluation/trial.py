@@ -74,7 +74,7 @@ class Trial:
 
         False if no decision uses the model.
         """
-        method, asked = self.method, self.online or load(self.task).lesson is not None
+        method, asked = self.method, self.online or load(self.task).training_variant is not None
         return asked and method.calibrated and method.following and not method.alone
 
     @property

@@ -20,7 +20,7 @@ from app.flow.perception_stage import Sensing
 class Approving:
     """`proposals`: the one that is shown; `asked`: that a decision is waited for.
 
-    `hindrance` says why nothing may be approved yet, and nothing where something may.
+    `blocked_reason` says why nothing may be approved yet, and nothing where something may.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Approving:
         announcer: MessageBus,
         clock: Clock,
         *,
-        hindrance: Callable[[], str],
+        blocked_reason: Callable[[], str],
     ) -> None:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
@@ -41,7 +41,7 @@ class Approving:
         self._gate = ApprovalGate(
             max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
         )
-        self._sensing, self._modes, self._hindrance = sensing, modes, hindrance
+        self._sensing, self._modes, self._hindrance = sensing, modes, blocked_reason
         self._announcer, self._clock = announcer, clock
 
     def moved_away(self, proposal: Proposal) -> bool:
@@ -53,7 +53,7 @@ class Approving:
             self._announcer.notice("plan", text, proposal.id)
         return moved
 
-    async def looked_at(self, proposal: Proposal) -> None:
+    async def preview(self, proposal: Proposal) -> None:
         """Show it without asking for a decision, until it is void."""
         self._gate.show(None)
         self.proposals.put(proposal)

@@ -107,7 +107,9 @@ class Flow:
         self.planning, self.stopping = Planning(wish, planner, site, self.probing, *by), StoppingRule(wish, by[0])
         checked = wish.checklist or not rig.simulated
         self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
-        self.approving = Approving(site, self.sensing, self.modes, *by, hindrance=lambda: self.preflight.hindrance)
+        self.approving = Approving(
+            site, self.sensing, self.modes, *by, blocked_reason=lambda: self.preflight.blocked_reason
+        )
         self.executing = Executing(rig, self.holding, self.summary, *by)
         self.watching = Watching(*by, wish.verdict, recording)
         self.reporting = Reporting(site, rig, self.summary, *by)
@@ -159,8 +161,8 @@ class Flow:
                 case EndRequest():
                     self.modes.end()
                 case Lease():
-                    self.modes.lent(request)
-                    self.preflight.lent(request)
+                    self.modes.on_control_transfer(request)
+                    self.preflight.on_control_transfer(request)
                 case ChecklistRequest():
                     await self.preflight.asked(request)
                 case Notice():
@@ -244,7 +246,7 @@ class Flow:
                 self.modes.set("idle", "something failed; see the messages, then choose a mode")
         self.reporting.do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):
-            while self.learning.done < self.learning.put_in or self.watching.seen < self.watching.put_in:
+            while self.learning.done < self.learning.submitted or self.watching.seen < self.watching.submitted:
                 await self.clock.sleep(self.site.timing.health_period_s)
         self.reporting.do("done")
 
@@ -287,7 +289,7 @@ class Flow:
         """Show it and, where that is the mode, make its motion once it is approved."""
         if self.modes.name == "plan only":
             self.reporting.do("showing a plan")
-            await self.approving.looked_at(proposal)
+            await self.approving.preview(proposal)
             self._touched()
             return
         self.reporting.do("waiting for approval")

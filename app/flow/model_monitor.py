@@ -28,13 +28,13 @@ class ExecutedPush(NamedTuple):
 class Watching:
     """Monitor of the model: publishes a `Watched` after every push, and a notice when the model stops being right.
 
-    `seen` of the pushes that were `put_in` have been watched.
+    `seen` of the pushes that were `submitted` have been watched.
     `verdict`: of the discovery that the model in use is from, if it is from one; said at the beginning. `recording`:
     where this session is recorded.
     """
 
     def __init__(self, announcer: MessageBus, clock: Clock, verdict: Verdict | None, recording: Path | None) -> None:
-        self.seen = self.put_in = 0
+        self.seen = self.submitted = 0
         self._announcer, self._clock = announcer, clock
         self._verdict, self._recording = verdict, recording
         self._pushes = Lossless[ExecutedPush]("watched pushes", bound=100)
@@ -42,7 +42,7 @@ class Watching:
 
     async def put(self, push: ExecutedPush) -> None:
         """Watch this push, soon."""
-        self.put_in += 1
+        self.submitted += 1
         await self._pushes.put(push)
 
     async def run(self) -> None:

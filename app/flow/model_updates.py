@@ -21,14 +21,14 @@ from app.tasks.elements.base import EpisodeConfig
 class Learning:
     """`models`: the one in use; `calibrator`: the process that fits it, which is `busy` or not.
 
-    `done` of the transitions that were `put_in` have been dealt with.
+    `done` of the transitions that were `submitted` have been dealt with.
     """
 
     def __init__(self, wish: EpisodeConfig, planner: Worker, site: Site, announcer: MessageBus, clock: Clock) -> None:
         self.models = Latest[Model]("models")
         # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
         self.calibrator = Worker("calibrator", niceness=10)
-        self.done, self.put_in, self.busy = 0, 0, False
+        self.done, self.submitted, self.busy = 0, 0, False
         self._wish, self._site = wish, site
         self._announcer, self._clock = announcer, clock
         self._modelling = Modelling(wish.task.name, announcer, planner)
@@ -53,7 +53,7 @@ class Learning:
 
     async def put(self, transition: Transition) -> None:
         """Learn from this, soon."""
-        self.put_in += 1
+        self.submitted += 1
         await self._transitions.put(transition)
 
     async def run(self) -> None:

@@ -77,7 +77,7 @@ class Modes:
         self.ended = True
         self._leave()
 
-    def lent(self, lease: Lease) -> None:
+    def on_control_transfer(self, lease: Lease) -> None:
         """Control has changed hands."""
         if self.name in ("automatic", "teleoperate") and self._holder not in ("", lease.holder):
             back = "idle" if self.name == "teleoperate" else "approve each"

@@ -57,7 +57,7 @@ class Preflight:
         return self._passed.is_set()
 
     @property
-    def hindrance(self) -> str:
+    def blocked_reason(self) -> str:
         """The reason why nothing moves yet, as text; empty if motion is permitted."""
         if self.passed:
             return ""
@@ -93,7 +93,7 @@ class Preflight:
         self._confirmed[request.key] = request.operator
         await self._look()
 
-    def lent(self, lease: Lease) -> None:
+    def on_control_transfer(self, lease: Lease) -> None:
         """React to a change of control: confirmations by another operator are void."""
         if any(operator != lease.holder for operator in self._confirmed.values()):
             self._confirmed.clear()

@@ -47,7 +47,7 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
         nominal[index("stiffness")] = task.parameters(stiff=True)[index("stiffness")].nominal
     return Subject(
         scene=task.scene,
-        haste=task.haste,
+        time_scale=task.time_scale,
         mass_kg=task.rope.mass_kg,
         length_m=task.rope.length_m,
         radius_m=task.rope.radius_m,

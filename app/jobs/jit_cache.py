@@ -137,7 +137,7 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
     data = load(task)
     if data.dynamics == "rods":
         return _moving_rod(data, effects, stiff=stiff)
-    known = tuple(effect for effect in effects if not effect.oriented)
+    known = tuple(effect for effect in effects if not effect.needs_orientation)
     require_known(known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))

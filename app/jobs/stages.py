@@ -12,7 +12,7 @@ from app.config import ANYWHERE, Confines
 from app.core.messages import Model
 from app.jobs.jit_cache import calibrator, nominal_model, phi_of, planner
 from app.planner.method import DIPAC, Method
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.sim.model.params import with_orientation
 from app.tasks import load
 
@@ -36,7 +36,9 @@ def stages(
     fitted = with_orientation(phi, 0.0)
 
     def simulator() -> None:
-        example = Evidence(before=x[None], tool=data.actions.measured_path(np.tile(AWAY, (2, 1)))[None], after=x[None])
+        example = Evidence(
+            before=x[None], tool=data.actions.measured_path(np.tile(PARKED_POSE, (2, 1)))[None], after=x[None]
+        )
         calibrator(task, preset, FitSettings(), fitted).predictor.compile(fitted, example)
 
     return [

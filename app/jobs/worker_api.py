@@ -127,7 +127,7 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
     from app.calibration.fit import FitSettings
     from app.tasks import load
 
-    trust_factor = _TRUSTED if load(task).lesson is None else _TRUSTED_OF_ANOTHER
+    trust_factor = _TRUSTED if load(task).training_variant is None else _TRUSTED_OF_ANOTHER
     settings = FitSettings(steps=2, trust_factor=trust_factor)
     return _fitted(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
 

@@ -20,7 +20,7 @@ from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import film
 from app.planner.search.tree import Rollout, RootBatch, TreeConfig, roll_out, simulate, situation, start_by_policy
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 
 _SHORTEST_M = 0.005
 _MENDED_M = 5e-4
@@ -44,7 +44,7 @@ class GivenPush:
         """Plan of one branch. Raises PlanningError with the defect of the push, in words."""
         wanted = action_of(self.way, self.pushes)
         require(wanted, request.observed, self.pushes, request.site)
-        pose = AWAY if request.tool is None else request.tool
+        pose = PARKED_POSE if request.tool is None else request.tool
         now = situation(self.search, request.observed, pose, request.near)
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         none = jnp.zeros((1, 0, self.search.space.size))

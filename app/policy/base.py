@@ -15,7 +15,7 @@ Prepared: TypeAlias = Any
 """A pytree of arrays that only the policy which made it understands."""
 
 
-AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
+PARKED_POSE = pointing_down(np.array([0.30, 0.0, 0.30]))
 """Parked tool pose, for a tool that may begin its next action anywhere: high over the table."""
 
 
@@ -34,7 +34,7 @@ class PlanningState(NamedTuple):
     @classmethod
     def at_rest(cls, x: Float[Array, "B N 3"], tool: ToolPose | None = None) -> Self:
         """Objects at rest and undeformed, all with the same tool pose; without one, high over the table."""
-        pose = jnp.asarray(AWAY if tool is None else tool, jnp.float32)
+        pose = jnp.asarray(PARKED_POSE if tool is None else tool, jnp.float32)
         return cls(State.at_rest(x), jnp.tile(pose, (len(x), 1)))
 
 

@@ -49,16 +49,18 @@ class ParameterSpec:
         """The inverse of `coordinate`, within the range."""
         return min(max(exp(coordinate) if self.scale == "log" else coordinate, self.low), self.high)
 
-    def real(self, value: float, haste: float, heft: float) -> float:
-        """`value` as it is outside of a simulation that runs `haste` times as fast under `heft` times the weight.
+    def real(self, value: float, time_scale: float, gravity_scale: float) -> float:
+        """`value` as it is where time is not scaled, nor gravity.
 
-        With (a, b) = `scaling`, it is value haste^a heft^b: what keeps the ratio of its force to friction, which a
-        quasi-static motion depends on (dynamic similarity; Bridgman 1922, "Dimensional Analysis").
+        With (a, b) = `scaling`, it is value time_scale^a gravity_scale^b: what keeps the ratio of its force to
+        friction, which a quasi-static motion depends on (dynamic similarity; Bridgman 1922, "Dimensional Analysis").
         """
-        return value * haste ** self.scaling[0] * heft ** self.scaling[1]
+        return value * time_scale ** self.scaling[0] * gravity_scale ** self.scaling[1]
 
-    def in_real_units(self, haste: float, heft: float) -> Self:
+    def in_real_units(self, time_scale: float, gravity_scale: float) -> Self:
         """The same parameter where nothing runs faster or weighs more: its nominal and typical values and its ends."""
-        nominal, low, high = (self.real(value, haste, heft) for value in (self.nominal, self.low, self.high))
-        typical = None if self.typical is None else self.real(self.typical, haste, heft)
+        nominal, low, high = (
+            self.real(value, time_scale, gravity_scale) for value in (self.nominal, self.low, self.high)
+        )
+        typical = None if self.typical is None else self.real(self.typical, time_scale, gravity_scale)
         return replace(self, nominal=nominal, low=low, high=high, typical=typical)

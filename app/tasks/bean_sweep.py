@@ -75,7 +75,7 @@ TASK = Task(
     aim=OnMat(mat=MAT, enough=0.9),
     ends=OnMat(mat=MAT, enough=0.98),
     horizon=20,
-    haste=7.0,
+    time_scale=7.0,
     presets=MappingProxyType(
         {
             "cpu": Preset(branches=16, depth=1, particle_count=300, gradient_steps=5),

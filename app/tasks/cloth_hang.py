@@ -107,7 +107,7 @@ TASK = Task(
     nominal=MappingProxyType({"stiffness": 8.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "finger_friction"),
     aim=Hung(y_m=CLEAR.y_m, reach_m=0.12, low_m=0.03),
-    empty_m=GRIPPER.closed_m + 0.008,
+    open_gripper_m=GRIPPER.closed_m + 0.008,
     horizon=60,
     begin=unstretched,
     at_rest=False,

@@ -99,7 +99,7 @@ TASK = Task(
     ),
     descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Passing(rope=ROPE, wall=WALL, start_m=START_M),
-    lesson=Lesson(
+    training_variant=Lesson(
         stage=Stage(body=ROD, tool=FINGER, fixtures=WALL.blocks),
         problems=Passing(rope=ROD, wall=WALL, start_m=START_M),
     ),
@@ -107,7 +107,7 @@ TASK = Task(
     calibrated=("stiffness", "table_friction"),
     aim=Beyond(x_m=WALL.x_m, enough=0.9),
     horizon=10,
-    haste=5.0,
+    time_scale=5.0,
     own_dynamics="rods",
     rods=rods_of(
         ROPE,

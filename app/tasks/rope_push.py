@@ -98,7 +98,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
         aim=Near(limit_m2=2 * 0.012**2),
         ends=Near(limit_m2=2 * 0.010**2),
         horizon=30,
-        haste=5.0,
+        time_scale=5.0,
         own_dynamics="rods",
         sized=_task,
         rods=rods_of(

@@ -48,7 +48,7 @@ class TargetHandle:
             self._handle.position = self._at
 
     async def _dragged(self, event: viser.TransformControlsEvent) -> None:
-        if self._desk.hindrance(f"client {event.client_id}") is None:
+        if self._desk.blocked_reason(f"client {event.client_id}") is None:
             self._put(np.asarray(event.target.position, np.float64))
 
     def _put(self, position: np.ndarray) -> None:

@@ -107,7 +107,7 @@ async def open_console(
     with listening:
         page = Page(title=title, cell=cell, jogging=hand is not None)
         badges = SessionKeys()
-        line = JogSocket(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
+        line = JogSocket(hand, badges, blocked_reason=desk.blocked_reason, refused=desk.turned_away) if hand else None
         inbox = GoalUpload(desk, badges, desk.turned_away)
         where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table}
         furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)

@@ -53,8 +53,8 @@ class JogHandler(Protocol):
 class JogSocket:
     """Serves `/jog`: a browser's key first, then samples; each is answered by its effect and the tool's position.
 
-    `hindrance` returns the reason why an operator may not jog now, or None; `refused` receives the reasons of refused
-    connections.
+    `blocked_reason` returns the reason why an operator may not jog now, or None; `refused` receives the reasons of
+    refused connections.
     """
 
     def __init__(
@@ -62,11 +62,11 @@ class JogSocket:
         hand: JogHandler,
         badges: SessionKeys,
         *,
-        hindrance: Callable[[str], str | None],
+        blocked_reason: Callable[[str], str | None],
         refused: Callable[[str], None],
     ) -> None:
         self._hand, self._badges = hand, badges
-        self._hindrance, self._refused = hindrance, refused
+        self._hindrance, self._refused = blocked_reason, refused
         self._open: dict[str, web.WebSocketResponse] = {}
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None

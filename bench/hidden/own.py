@@ -157,7 +157,7 @@ def _told(
     """Entry of the truth in the format of `dipac hide`: real values in SI units."""
 
     def real(spec: ParameterSpec, value: float) -> float:
-        return spec.real(value, subject.haste, subject.heft)
+        return spec.real(value, subject.time_scale, subject.gravity_scale)
 
     parameters = {
         spec.name: {"value": real(spec, value), "unit": spec.unit, "null": real(spec, spec.nominal)}

@@ -38,7 +38,7 @@ from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.recording.exchange.model_file import load_model
 from app.sim.model.params import acting
 from app.tasks import load
@@ -114,8 +114,8 @@ def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[
     rows = np.full((len(models), problems), math.nan)
     for number in range(problems):
         x = fill_tube(task.start(100 + number), task.rope.radius_m, task.preset(_PRESET).particle_count)
-        action = task.actions.sample(np.random.default_rng(number), x, AWAY, 1)[0]
-        goal = bench.after(x, task.actions.motion(action, AWAY, Site()), obeyed=True)
+        action = task.actions.sample(np.random.default_rng(number), x, PARKED_POSE, 1)[0]
+        goal = bench.after(x, task.actions.motion(action, PARKED_POSE, Site()), obeyed=True)
         for row, model in enumerate(models):
             plan = planned(model, bench.seen(x), goal, number)
             rows[row, number] = float(chamfer_m2(bench.after(x, plan.motion), goal))

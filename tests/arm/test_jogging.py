@@ -164,7 +164,7 @@ def test_it_moves_turns_and_opens_as_it_is_told() -> None:
 def test_it_slows_down_where_nobody_says_anything_any_more() -> None:
     arm = control()
     jogged(arm, along(y=0.3), 80)
-    arm.coast()
+    arm.decelerate()
     assert come_to_rest(arm) < 0.5
     assert arm.mode == "idle"
 
@@ -205,11 +205,11 @@ def test_no_motion_begins_while_it_is_jogged_and_no_jog_is_heeded_in_a_motion() 
     jogged(arm, along(y=0.1), 10)
     with pytest.raises(MotionRefused, match="moving"):
         begin(arm, motion, motion.digest(), Site())
-    arm.coast()
+    arm.decelerate()
     come_to_rest(arm)
     begin(arm, motion, motion.digest(), Site())
     assert not arm.jog(along(y=0.3))
-    arm.coast()
+    arm.decelerate()
     arm.advance(TICK_S)
     assert arm.mode == "moving"
 

@@ -12,7 +12,7 @@ from app.calibration.fit import FitSettings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
 from app.jobs import jit_cache
 from app.jobs.worker_api import nominal_model
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.sim.model.params import PARAMETERS, index
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube
@@ -30,8 +30,8 @@ def evidence() -> Evidence:
     """Five pushes of the simulator itself, with the true parameters."""
     rng = np.random.default_rng(0)
     before = np.stack([fill_tube(TASK.start(seed), TASK.rope.radius_m, PARTICLES) for seed in range(5)])
-    actions = jnp.concatenate([jnp.asarray(SPACE.sample(rng, x, AWAY, 1)) for x in before])
-    tool = SPACE.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (5, 1)))
+    actions = jnp.concatenate([jnp.asarray(SPACE.sample(rng, x, PARKED_POSE, 1)) for x in before])
+    tool = SPACE.tool_path(actions, jnp.tile(jnp.asarray(PARKED_POSE, jnp.float32), (5, 1)))
     after = PREDICTOR.advance(jnp.tile(TRUTH, (5, 1)), jnp.asarray(before), tool)
     return Evidence(before=before, tool=np.asarray(tool), after=np.asarray(after))
 

@@ -154,11 +154,11 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
     with FakeProcess() as arm:
         there = Address(host=arm.host, tcp_port=arm.ports[0], udp_port=arm.ports[1])
         monkeypatch.setattr(_cell_checks, "address", lambda _: there)
-        found = looked_at(file)
+        found = preview(file)
         assert not arm.commands()
         arm.fail(joint=4, bits=1 << 5, lasting=True)
-        assert "met too much torque" in looked_at(file)["arm"].mend
-        held = looked_at(written(tmp_path, GOOD))
+        assert "met too much torque" in preview(file)["arm"].mend
+        held = preview(written(tmp_path, GOOD))
         assert "Set the tool" in held["arm"].mend
     assert {what: row.state for what, row in found.items()} == {
         "cell": "ok",
@@ -169,7 +169,7 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
         "arm": "ok",
     }
     assert "7 joints" in found["arm"].found
-    assert looked_at(file)["arm"].state == "missing"
+    assert preview(file)["arm"].state == "missing"
 
 
 def test_of_an_old_calibration_and_of_none_it_is_said_what_to_do_and_in_which_files(tmp_path: Path) -> None:
@@ -185,10 +185,10 @@ def test_of_an_old_calibration_and_of_none_it_is_said_what_to_do_and_in_which_fi
 
 
 def test_a_file_that_describes_no_cell_is_all_that_is_said_of_one(tmp_path: Path) -> None:
-    (row,) = looked_at(written(tmp_path, GOOD.replace("[limits]", "[limit]"))).values()
+    (row,) = preview(written(tmp_path, GOOD.replace("[limits]", "[limit]"))).values()
     assert (row.what, row.state) == ("cell", "missing")
     assert "Did you mean 'limits'?" in row.mend
 
 
-def looked_at(file: Path) -> dict[str, _checks.CheckResult]:
+def preview(file: Path) -> dict[str, _checks.CheckResult]:
     return {row.what: row for check in _cell_checks.cell_checks(file) for row in check()}

@@ -40,5 +40,5 @@ def exact_model(
         prior=prior,
         fit=fit_mixed_effects(data, prior.variance),
         log_evidence=0.0,
-        temper=1.0,
+        temperature=1.0,
     )

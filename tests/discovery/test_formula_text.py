@@ -12,7 +12,7 @@ from app.tasks import load
 from tests.discovery.exact import exact_model
 
 SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
-FASTER, HEAVIER = SUBJECT.haste, SUBJECT.heft
+FASTER, HEAVIER = SUBJECT.time_scale, SUBJECT.gravity_scale
 
 
 def said(*features: str, **values: float) -> Formula:

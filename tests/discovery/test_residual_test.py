@@ -24,7 +24,7 @@ AT = {feature: tuple(NUISANCES + NAMES.index(name) for name in own) for feature,
 
 
 def widened(
-    seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int = EPISODES, habit: float = HABIT
+    seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int = EPISODES, null_prior: float = HABIT
 ) -> Widened:
     """Pushes with errors of 2 mm that are alike within an episode, features that act by a millimetre, and a swirl."""
     rng = np.random.default_rng(seed)
@@ -42,7 +42,7 @@ def widened(
         episode=np.arange(count) // PUSHES,
         blocks=(Block(slice(0, ROWS)),),
     )
-    variance = np.full(width, habit**2)
+    variance = np.full(width, null_prior**2)
     variance[:NUISANCES] = 100.0
     prior = Prior(mean=np.zeros(width), variance=variance, nuisance=tuple(range(NUISANCES)))
     return Widened(data=data, prior=prior, weighing=weigh(data, list(AT.values()), prior), at=AT)
@@ -88,7 +88,7 @@ def forms_of(J: np.ndarray, r: np.ndarray) -> QuadraticForms:
 
 
 def test_what_the_simulators_own_errors_look_like_is_not_something_else() -> None:
-    habitual, strange = (widened(3, swirl=0.3, habit=habit) for habit in (1.0, 1e-6))
+    habitual, strange = (widened(3, swirl=0.3, null_prior=null_prior) for null_prior in (1.0, 1e-6))
     assert leftover(habitual).by_chance > leftover(strange).by_chance
 
 

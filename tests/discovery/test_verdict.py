@@ -117,7 +117,7 @@ def test_forces_that_no_cause_is_are_never_named_by_themselves() -> None:
     [
         ("table_tilt", "tilt_x", 1.5, 1.5),
         ("hand_eye_translation", "hand_eye_y", 0.004, 0.004),
-        ("viscous_film", "film_drag", 12.0, 12.0 * SUBJECT.haste / SUBJECT.heft),
+        ("viscous_film", "film_drag", 12.0, 12.0 * SUBJECT.time_scale / SUBJECT.gravity_scale),
         ("command_delay", "command_delay", 0.08, 0.08),
     ],
 )

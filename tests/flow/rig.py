@@ -186,7 +186,7 @@ class TickedArm:
             self._heeding = False
             self._told.clear()
             while self._control.mode in ("moving", "stopping"):
-                self._control.coast()
+                self._control.decelerate()
                 self._control.advance(self._site.timing.arm_period_s)
             self._tool = self._control.commanded
         if not rows:
@@ -237,7 +237,7 @@ class TickedArm:
             if self._told and control.jog(self._told[-1]):
                 self._jogged_s = now_s
             elif not self._heeding or now_s - self._jogged_s > timing.watchdog_s:
-                control.coast()
+                control.decelerate()
             self._told.clear()
             control.advance(min(now_s - last_s, _MAX_TICKS * timing.arm_period_s))
             if control.mode == "moving" or (rows and control.mode == "stopping"):

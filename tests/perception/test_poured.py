@@ -17,7 +17,7 @@ from app.tasks import Task, load
 from app.tasks.elements.pouring import pool_points
 
 pouring = pytest.mark.parametrize("task", [load("pour_water"), load("pour_soup")], ids=lambda task: task.name)
-AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
+PARKED_POSE = pointing_down(np.array([0.30, 0.0, 0.30]))
 
 
 def seen(task: Task, nodes: Nodes, tool: np.ndarray) -> Points:
@@ -49,18 +49,20 @@ def test_what_is_in_the_hand_is_seen_where_it_is(task: Task) -> None:
 
 def test_half_of_the_water_is_seen_in_the_target_and_the_other_half_is_in_the_hand() -> None:
     task = load("pour_water")
-    found = seen(task, half_poured(task, AWAY[:3]), AWAY)
+    found = seen(task, half_poured(task, PARKED_POSE[:3]), PARKED_POSE)
     assert task.aim.share(found, found) == pytest.approx(0.5, abs=0.05)
-    np.testing.assert_allclose(np.median(found[found[:, 2] > 0.15], axis=0), AWAY[:3] - [0, 0, 0.04], atol=0.01)
+    np.testing.assert_allclose(np.median(found[found[:, 2] > 0.15], axis=0), PARKED_POSE[:3] - [0, 0, 0.04], atol=0.01)
 
 
 def test_what_no_camera_sees_is_in_the_hand() -> None:
     task = load("pour_water")
-    nodes = half_poured(task, AWAY[:3])
+    nodes = half_poured(task, PARKED_POSE[:3])
     nodes[1200:] = [0.5, 0.0, -0.5]  # Under the table.
-    found = seen(task, nodes, AWAY)
+    found = seen(task, nodes, PARKED_POSE)
     assert task.aim.share(found, found) == pytest.approx(0.5, abs=0.05)
-    assert np.mean(np.linalg.norm(found - AWAY[:3], axis=1) < task.stage.tool.radius_m) == pytest.approx(0.5, abs=0.05)
+    assert np.mean(np.linalg.norm(found - PARKED_POSE[:3], axis=1) < task.stage.tool.radius_m) == pytest.approx(
+        0.5, abs=0.05
+    )
 
 
 @pouring
@@ -70,7 +72,7 @@ def test_what_is_all_in_the_target_is_seen_there(task: Task) -> None:
     target = task.stage.fixtures[0]
     assert isinstance(target, Bowl)
     lowest = np.array(target.place_m) - [0, 0, target.radius_m - task.stage.tool.radius_m - 0.001]
-    found = seen(task, x + lowest - home[:3], AWAY)
+    found = seen(task, x + lowest - home[:3], PARKED_POSE)
     assert task.aim.share(found, found) > 0.9
 
 

@@ -10,7 +10,7 @@ from app.core.types import Points
 from app.jobs import jit_cache
 from app.planner.search.plan import TreePlanner
 from app.planner.search.tree import TreeConfig
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube
 
@@ -49,7 +49,7 @@ def now(x: np.ndarray, count: int) -> PlanningState:
 
 
 def tool(count: int) -> jnp.ndarray:
-    return jnp.tile(jnp.asarray(AWAY, jnp.float32), (count, 1))
+    return jnp.tile(jnp.asarray(PARKED_POSE, jnp.float32), (count, 1))
 
 
 def batch(x: np.ndarray, count: int) -> jnp.ndarray:

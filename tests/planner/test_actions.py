@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.config import Site
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from tests.planner.table import SPACE, now, rope, tool
 
 ROPE = rope()
@@ -63,7 +63,7 @@ def test_projection_leaves_allowed_pushes_alone(seed: int) -> None:
 def test_a_flat_finger_comes_down_beside_the_rope_with_all_of_its_width(seed: int, yaw: float) -> None:
     half_m = (0.015 * np.cos(yaw), 0.015 * np.sin(yaw))
     space = replace(SPACE, core_m=half_m)
-    drawn = space.sample(np.random.default_rng(seed), ROPE, AWAY, 8)
+    drawn = space.sample(np.random.default_rng(seed), ROPE, PARKED_POSE, 8)
     for starts in (drawn[:, :2], np.asarray(space.project(wild(seed), now(ROPE, 16)))[:, :2]):
         core = starts[:, None] + np.linspace(-1, 1, 31)[:, None] * np.array(half_m)
         near = np.linalg.norm(core[:, :, None] - ROPE[None, None, :, :2], axis=-1).min((1, 2))
@@ -91,7 +91,7 @@ def test_a_start_on_top_of_the_rope_is_not_allowed() -> None:
 @settings(max_examples=20)
 @given(SEEDS)
 def test_random_pushes_start_beside_the_rope_and_go_through_one_of_its_particles(seed: int) -> None:
-    drawn = SPACE.sample(np.random.default_rng(seed), ROPE, AWAY, 8)
+    drawn = SPACE.sample(np.random.default_rng(seed), ROPE, PARKED_POSE, 8)
     assert np.all(allowed(jnp.asarray(drawn), now(ROPE, 8)))
     start, direction = drawn[:, :2], drawn[:, 2:4] / np.linalg.norm(drawn[:, 2:4], axis=1, keepdims=True)
     offset = ROPE[None, :, :2] - start[:, None]
@@ -119,7 +119,7 @@ def test_the_tool_path_is_linear_in_the_action_so_its_derivative_is_exact() -> N
 def test_the_motion_comes_down_beside_the_rope_and_goes_up_at_the_end_within_the_limits() -> None:
     site = Site()
     action = np.asarray(project(wild(5, 1), now(ROPE, 1)))[0]
-    motion = SPACE.motion(action, AWAY, site)
+    motion = SPACE.motion(action, PARKED_POSE, site)
     assert motion.positions[0, 2] == motion.positions[-1, 2] == pytest.approx(site.travel_height_m)
     np.testing.assert_array_equal(motion.positions[0, :2], motion.positions[1, :2])
     np.testing.assert_array_equal(motion.positions[-1, :2], motion.positions[-2, :2])
@@ -128,8 +128,8 @@ def test_the_motion_comes_down_beside_the_rope_and_goes_up_at_the_end_within_the
 
 
 def test_what_was_measured_of_a_motion_is_simulated_like_the_action_itself() -> None:
-    action = SPACE.sample(np.random.default_rng(0), ROPE, AWAY, 1)
-    motion = SPACE.motion(action[0], AWAY, Site())
+    action = SPACE.sample(np.random.default_rng(0), ROPE, PARKED_POSE, 1)
+    motion = SPACE.motion(action[0], PARKED_POSE, Site())
     fine = np.concatenate([np.linspace(a, b, 20) for a, b in zip(motion.positions, motion.positions[1:], strict=False)])
     np.testing.assert_allclose(
         SPACE.measured_path(fine)[:, :2], SPACE.tool_path(jnp.asarray(action), tool(1))[0, :, :2], atol=1e-3

@@ -15,7 +15,7 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import moved, roll_out, simulate, start
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.tasks.rope_push import TASK
 from tests.planner.table import PHI, SPACE, now, planner, rope, search
 from tests.programs import program
@@ -51,7 +51,7 @@ def test_the_terms_of_a_branch_add_up_to_its_cost(decision: Plan) -> None:
 
 
 def test_the_motion_is_the_first_action_of_the_best_branch(decision: Plan) -> None:
-    expected = SPACE.motion(decision.branches[decision.best].actions[0], AWAY, Site())
+    expected = SPACE.motion(decision.branches[decision.best].actions[0], PARKED_POSE, Site())
     assert decision.motion.digest() == expected.digest()
 
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from app.config import Site
 from app.core.motion import TOOL_DOWN
 from app.planner.actions.sweep_actions import Sweeps
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.tasks import load
 
 TASK = load("bean_sweep")
@@ -24,7 +24,7 @@ LOW, HIGH = np.array(SPACE.region[:2]), np.array(SPACE.region[2:])
 X = TASK.particles(TASK.start(0), 200)
 NOW = PlanningState.at_rest(jnp.repeat(jnp.asarray(X)[None], 16, axis=0))
 ONE = PlanningState.at_rest(jnp.asarray(X)[None])
-NOWHERE = jnp.asarray(AWAY, jnp.float32)[None]
+NOWHERE = jnp.asarray(PARKED_POSE, jnp.float32)[None]
 project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
 SEEDS = st.integers(0, 2**31 - 1)
 
@@ -86,7 +86,7 @@ def test_a_sweep_that_goes_nowhere_gets_a_length_or_is_not_allowed() -> None:
 @settings(max_examples=10)
 @given(SEEDS)
 def test_random_sweeps_start_beside_the_beans_and_go_through_one_of_their_particles(seed: int) -> None:
-    drawn = SPACE.sample(np.random.default_rng(seed), X, AWAY, 8)
+    drawn = SPACE.sample(np.random.default_rng(seed), X, PARKED_POSE, 8)
     assert np.all(allowed(jnp.asarray(drawn), PlanningState.at_rest(NOW.x[:8])))
     for action in drawn:
         across, along = in_paddle(X, action).T
@@ -113,7 +113,7 @@ def test_the_paddle_is_turned_across_the_sweep_in_the_simulator_and_on_the_arm_a
     simulated = Rotation.from_quat(
         np.asarray(SPACE.tool_path(jnp.asarray(action), NOWHERE))[0, 0, 3:], scalar_first=True
     )
-    turned = Rotation.from_quat(SPACE.motion(action[0], AWAY, Site()).turns[1], scalar_first=True)
+    turned = Rotation.from_quat(SPACE.motion(action[0], PARKED_POSE, Site()).turns[1], scalar_first=True)
     upright = turned * Rotation.from_quat(TOOL_DOWN, scalar_first=True).inv()
     for paddle in (simulated, upright):
         normal, up = paddle.apply([0.0, 1.0, 0.0]), paddle.apply([0.0, 0.0, 1.0])
@@ -139,7 +139,7 @@ def test_the_derivative_of_the_tool_path_is_that_of_finite_differences() -> None
 
 def test_the_motion_comes_down_turned_and_goes_up_at_the_end_within_the_limits() -> None:
     site = Site()
-    motion = SPACE.motion(np.asarray(project(wild(5, 1), ONE))[0], AWAY, site)
+    motion = SPACE.motion(np.asarray(project(wild(5, 1), ONE))[0], PARKED_POSE, site)
     assert motion.positions[0, 2] == motion.positions[-1, 2] == pytest.approx(site.travel_height_m)
     np.testing.assert_array_equal(motion.positions[0, :2], motion.positions[1, :2])
     np.testing.assert_array_equal(motion.positions[-1, :2], motion.positions[-2, :2])
@@ -150,8 +150,8 @@ def test_the_motion_comes_down_turned_and_goes_up_at_the_end_within_the_limits()
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_what_was_measured_of_a_motion_is_simulated_like_the_action_itself(seed: int) -> None:
-    action = SPACE.sample(np.random.default_rng(seed), X, AWAY, 1)
-    poses = SPACE.motion(action[0], AWAY, Site()).poses
+    action = SPACE.sample(np.random.default_rng(seed), X, PARKED_POSE, 1)
+    poses = SPACE.motion(action[0], PARKED_POSE, Site()).poses
     fine = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(poses)])
     measured, meant = SPACE.measured_path(fine), np.asarray(SPACE.tool_path(jnp.asarray(action), NOWHERE))[0]
     np.testing.assert_allclose(measured[:, :3], meant[:, :3], atol=1e-3)

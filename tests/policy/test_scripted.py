@@ -8,7 +8,7 @@ import pytest
 from app.config import Site
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube
 
@@ -89,7 +89,7 @@ def test_alone_it_brings_the_rope_of_another_engine_nearer_to_its_goal(seed: int
     distances = [chamfer_m2(x, goal)]
     for _ in range(6):
         action = project(act(POLICY.prepare(x, goal), at(x)), at(x))
-        table.execute(SPACE.motion(np.asarray(action)[0], AWAY, Site()))
+        table.execute(SPACE.motion(np.asarray(action)[0], PARKED_POSE, Site()))
         x = table.observe()
         distances.append(chamfer_m2(x, goal))
     assert min(distances) < 0.5 * distances[0]

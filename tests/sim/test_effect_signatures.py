@@ -356,7 +356,7 @@ def drawn_off(x: np.ndarray, model: dict[str, float], velocity: tuple[float, flo
 
 
 FALL_M = G * 0.07**2 / 2
-AWAY = np.float32([0.02, 0.03, 0.0])
+PARKED_POSE = np.float32([0.02, 0.03, 0.0])
 """Shift of a rope about (0.51, 0), which brings it to (-0.02, 0.03) m from the middle of the workspace."""
 
 
@@ -372,7 +372,7 @@ AWAY = np.float32([0.02, 0.03, 0.0])
     ids=["push", "spread", "swirl", "axes", "diagonals"],
 )
 def test_a_force_of_place_is_the_linear_field_that_it_says(model: dict[str, float], share: tuple[float, float]):
-    assert drawn_off(ROPE + AWAY, model) == pytest.approx(np.array(share) * FALL_M, abs=0.05 * 0.15 * FALL_M)
+    assert drawn_off(ROPE + PARKED_POSE, model) == pytest.approx(np.array(share) * FALL_M, abs=0.05 * 0.15 * FALL_M)
 
 
 def test_drag_by_the_square_of_speed_slows_a_fast_rope_more_than_a_slow_one():

@@ -228,7 +228,7 @@ def at_the_ends(upper: bool) -> np.ndarray:
 
 THIN = RodScene(length_m=0.40, radius_m=5e-4, mass_kg=0.064, finger_radius_m=0.009)
 """A rope so limp that its nodes move independently, and so thin that they are almost on the table."""
-AWAY = (0.0, 0.0, 0.3)
+PARKED_POSE = (0.0, 0.0, 0.3)
 G = SCENE.gravity_m_s2
 TIME = 0.2
 
@@ -289,7 +289,7 @@ def after_one_step(phi: np.ndarray, friction: float, z: np.ndarray | float = 0.0
     state = lying(lines, v)
     state = state._replace(nodes=state.nodes.at[:, 4:6].set(jnp.asarray(z, jnp.float32)))
     physics = RodPhysics.nominal(THIN, PUSHES)._replace(table_friction=jnp.full(PUSHES, friction))
-    tool = jnp.tile(jnp.asarray(AWAY), (PUSHES, 2, 1))
+    tool = jnp.tile(jnp.asarray(PARKED_POSE), (PUSHES, 2, 1))
     end = thin_simulator()(physics, state, tool, jnp.asarray(phi, jnp.float32), known(PUSHES, TIME))
     return np.asarray(end.nodes[:, 2:4] - state.nodes[:, 2:4], np.float64).transpose(0, 2, 1)
 
@@ -409,7 +409,7 @@ def run(start: RodState, model: dict[str, float], seconds: float, *, time: float
     for parameter, size in model.items():
         phi[index(parameter)] = size
     given = {name: jnp.full(1, size) for name, size in physics.items()}
-    tool = jnp.tile(jnp.asarray(AWAY), (1, round(seconds / SCENE.dt_s) + 1, 1))
+    tool = jnp.tile(jnp.asarray(PARKED_POSE), (1, round(seconds / SCENE.dt_s) + 1, 1))
     rod = RodPhysics.nominal(SCENE, 1)._replace(**given)
     end = simulator()(rod, start, tool, jnp.asarray(phi[None], jnp.float32), known(1, time))
     return np.asarray(end.nodes[0, :2], np.float64).T
@@ -502,7 +502,7 @@ def test_internal_viscosity_damps_the_swing_of_a_free_beam():
     phi[1, index("solid_viscosity")] = eta
     given = {"table_friction": 1e-6, "viscosity": 1e-9, "yield_curvature": 1e3}
     physics = RodPhysics.nominal(scene, 2)._replace(**{name: jnp.full(2, size) for name, size in given.items()})
-    tool = jnp.tile(jnp.asarray(AWAY), (2, round(seconds / scene.dt_s) + 1, 1))
+    tool = jnp.tile(jnp.asarray(PARKED_POSE), (2, round(seconds / scene.dt_s) + 1, 1))
     end = make_rod_rollout(scene, EFFECTS)(physics, start, tool, jnp.asarray(phi, jnp.float32))
     free, damped = np.asarray(end.nodes[:, 1], np.float64) @ shape
     rate = 2.16 * eta * scene.second_moment_m4 * (k / scene.length_m) ** 4 / (2 * scene.mass_kg / scene.length_m)
@@ -514,7 +514,7 @@ def test_a_rope_that_relaxes_keeps_the_bend_that_it_was_held_in():
     """Held by friction for a second, then let go on ice: exp(-r t) of its bend springs back."""
     rate = 2.0
     phi = jnp.asarray(NULL[None], jnp.float32).at[0, index("relaxation_rate")].set(rate)
-    tool = jnp.tile(jnp.asarray(AWAY), (1, 1001, 1))
+    tool = jnp.tile(jnp.asarray(PARKED_POSE), (1, 1001, 1))
     physics = RodPhysics.nominal(SCENE, 1)._replace(table_friction=jnp.full(1, 5.0))
     held = simulator()(physics, sprung(), tool, phi, known(1, 0.0))
     line = np.asarray(held.nodes[0, :2]).T

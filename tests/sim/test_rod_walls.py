@@ -23,7 +23,7 @@ SCENE = RodScene(
 )
 MOST_M = 0.004
 """Largest depth [m] to which a wall may be pressed into the rope: half of its radius."""
-AWAY = np.array([0.0, 0.0, 0.3])
+PARKED_POSE = np.array([0.0, 0.0, 0.3])
 
 
 @cache
@@ -54,7 +54,7 @@ def run(state: RodState, tool: jax.Array, **values: float) -> np.ndarray:
 
 
 def still(seconds: float) -> jax.Array:
-    return jnp.tile(jnp.asarray(AWAY), (1, round(seconds / SCENE.dt_s) + 1, 1))
+    return jnp.tile(jnp.asarray(PARKED_POSE), (1, round(seconds / SCENE.dt_s) + 1, 1))
 
 
 def depth(nodes: np.ndarray) -> float:

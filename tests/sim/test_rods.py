@@ -17,7 +17,7 @@ from tests.sim import pushed_ropes
 from tests.sim.pushed_ropes import REACH_M, SCENE, assert_agree, central, crossing, curve, line_of, lying, straight
 
 G = SCENE.gravity_m_s2
-AWAY = (0.0, 0.0, 0.3)
+PARKED_POSE = (0.0, 0.0, 0.3)
 
 
 @cache
@@ -30,7 +30,7 @@ def physics(candidates: int = 1, scene: RodScene = SCENE, **values: float) -> Ro
     return nominal._replace(**{name: jnp.full(candidates, value) for name, value in values.items()})
 
 
-def still(seconds: float, place: tuple[float, float, float] = AWAY) -> jax.Array:
+def still(seconds: float, place: tuple[float, float, float] = PARKED_POSE) -> jax.Array:
     """A finger (1, T, 3) that stands."""
     return jnp.tile(jnp.asarray(place), (1, round(seconds / SCENE.dt_s) + 1, 1))
 

@@ -12,7 +12,7 @@ from app.core.types import Points
 from app.discovery.sensor_actuator_errors.base import Load
 from app.jobs.apparatus_compensation import Correction, correction
 from app.jobs.worker_api import nominal_model
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from tests.planner.table import SPACE, rope
 
 SITE = Site()
@@ -44,7 +44,7 @@ def curved() -> Motion:
     """A push through the rope that turns back at its end."""
     angle = np.linspace(-1.2, 2.2, 20)
     steps = 0.006 * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    return SPACE.motion(np.concatenate([[0.55, -0.03], steps.ravel()]).astype(np.float32), AWAY, SITE)
+    return SPACE.motion(np.concatenate([[0.55, -0.03], steps.ravel()]).astype(np.float32), PARKED_POSE, SITE)
 
 
 def told(error: Correction, motion: Motion, before: Points, after: Points) -> Motion:

@@ -13,7 +13,7 @@ from app.jobs import jit_cache
 from app.jobs.worker_api import nominal_model
 from app.perception.reconstruct import reconstruct
 from app.planner.search.tree import first_action
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
@@ -161,7 +161,7 @@ def test_the_simulator_lets_an_action_that_touches_nothing_change_little(name: s
 def test_where_a_tool_is_away_actions_that_begin_anywhere_may_be_made(name: str) -> None:
     task, site = load(name), Site()
     x = task.goal(0, 100)
-    drawn = task.actions.sample(np.random.default_rng(0), x, AWAY, 8)
-    now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), AWAY)
+    drawn = task.actions.sample(np.random.default_rng(0), x, PARKED_POSE, 8)
+    now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), PARKED_POSE)
     for action in np.asarray(program(task.actions.project)(jnp.asarray(drawn), now)):
-        assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)
+        assert site.limits.workspace.contains(task.actions.motion(action, PARKED_POSE, site).positions)

@@ -24,7 +24,7 @@ from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import TreeConfig
-from app.policy.base import AWAY
+from app.policy.base import PARKED_POSE
 from app.sim.model.params import acting, index
 from tests.planner.table import PARTICLES, SPACE, TASK, rope
 
@@ -100,8 +100,8 @@ def outcomes(name: str, plan: Callable[[World, Model | None, Points, Points, int
     (world, model), rows = CASES[name], list[tuple[float, float]]()
     for number in range(PROBLEMS):
         x = rope(0.0, 0.3 * number)
-        action = SPACE.sample(np.random.default_rng(100 + number), x, AWAY, 1)[0]
-        goal = replace(world, tip=NOWHERE).after(x, SPACE.motion(action, AWAY, Site()).positions)
+        action = SPACE.sample(np.random.default_rng(100 + number), x, PARKED_POSE, 1)[0]
+        goal = replace(world, tip=NOWHERE).after(x, SPACE.motion(action, PARKED_POSE, Site()).positions)
         found = plan(world, model, world.seen(x), goal, number)
         reached = world.after(x, found.motion.positions)
         rows.append((float(chamfer_m2(reached, goal)), found.predicted_chamfer_m2))
@@ -134,7 +134,8 @@ def test_what_drifts_in_a_session_is_planned_with_as_it_was_at_its_end() -> None
     drifting[index("friction_drift")] = 0.4
     constant[index("table_friction")] *= 1.2
     tool = SPACE.tool_path(
-        jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), AWAY, 1)), jnp.asarray(AWAY, jnp.float32)[None]
+        jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), PARKED_POSE, 1)),
+        jnp.asarray(PARKED_POSE, jnp.float32)[None],
     )
     ends = [
         jit_cache.advance("rope_push", PARTICLES, acting(phi))(jnp.asarray(phi)[None], jnp.asarray(rope())[None], tool)

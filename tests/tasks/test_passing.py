@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.types import Points
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 from app.sim.tools.box import WallsWithGap
 from app.tasks import load
 from app.tasks.rod_to_rope import FINGER, KEEP_OUT_M, ROPE, WALL
@@ -96,6 +96,6 @@ def test_a_push_into_a_wall_is_not_allowed_and_one_through_the_gap_is() -> None:
 
 def test_random_pushes_may_be_made() -> None:
     x = seen(1)
-    actions = SPACE.sample(np.random.default_rng(0), x, AWAY, 16)
+    actions = SPACE.sample(np.random.default_rng(0), x, PARKED_POSE, 16)
     now = PlanningState.at_rest(jnp.repeat(jnp.asarray(x)[None], 16, axis=0))
     assert np.all(SPACE.allowed(SPACE.project(jnp.asarray(actions), now), now))

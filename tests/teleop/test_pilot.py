@@ -17,7 +17,7 @@ class Hand:
     """A page that speaks 30 times a second, and an arm that notes what it is told."""
 
     def __init__(self) -> None:
-        self.now_s, self.sequence, self.heeding = 0.0, 0, True
+        self.now_s, self.sequence, self.accepts_jog = 0.0, 0, True
         self.jogs = list[Jog]()
         self.pilot = Pilot(
             jog=self.jog, tool=lambda: pointing_down(np.array([0.5, 0, 0.2])), limits=LIMITS, now=self.now
@@ -27,9 +27,9 @@ class Hand:
         return self.now_s
 
     def jog(self, jog: Jog) -> bool:
-        if self.heeding:
+        if self.accepts_jog:
             self.jogs.append(jog)
-        return self.heeding
+        return self.accepts_jog
 
     def says(self, *, pressed: int = 1, who: str = "client 0", refused: str | None = None, **more: object) -> str:
         self.now_s += 1 / 30
@@ -69,9 +69,9 @@ def test_who_may_not_is_told_why_and_needs_a_new_press_once_he_may() -> None:
 
 def test_where_the_arm_does_not_heed_a_new_press_is_wanted() -> None:
     hand = Hand()
-    hand.heeding = False
+    hand.accepts_jog = False
     assert "busy" in hand.says()
-    hand.heeding = True
+    hand.accepts_jog = True
     assert "busy" in hand.says()
     assert hand.jogs == []
     assert hand.says(pressed=2) == "moving"

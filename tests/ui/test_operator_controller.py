@@ -295,25 +295,25 @@ def test_a_model_and_colours_are_asked_for_by_whoever_has_control_and_by_nobody_
 def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing_is_stopped():
     program = Program()
     desk = program.desk
-    assert desk.hindrance("me") == "nobody has control: press Take first"
+    assert desk.blocked_reason("me") == "nobody has control: press Take first"
     desk.take("me")
-    assert desk.hindrance("me") == "choose the mode By hand first"
+    assert desk.blocked_reason("me") == "choose the mode By hand first"
     desk.show(synthetic.mode("teleoperate"))
-    assert desk.hindrance("me") is None
-    assert desk.hindrance("you") == "me has control"
+    assert desk.blocked_reason("me") is None
+    assert desk.blocked_reason("you") == "me has control"
     desk.stop("you")
-    assert desk.hindrance("me") == "a stop is in force: press Resume"
+    assert desk.blocked_reason("me") == "a stop is in force: press Resume"
     desk.resume("me")
-    assert desk.hindrance("me") is None
+    assert desk.blocked_reason("me") is None
     desk.show(synthetic.arm("fault"))
-    assert desk.hindrance("me") == "a stop is in force: press Resume"
+    assert desk.blocked_reason("me") == "a stop is in force: press Resume"
     desk.show(synthetic.arm("moving"))
     desk.show(synthetic.mode("approve each"))
-    assert desk.hindrance("me") == "choose the mode By hand first"
+    assert desk.blocked_reason("me") == "choose the mode By hand first"
     desk.left("me")
-    assert desk.hindrance("me") == "me has left"
+    assert desk.blocked_reason("me") == "me has left"
     desk.show(Fault(id=fresh_id("fault"), time_s=0.0, where="episode", text="over", fatal=True))
-    assert desk.hindrance("you") == "the program has ended"
+    assert desk.blocked_reason("you") == "the program has ended"
 
 
 def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
@@ -323,7 +323,7 @@ def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
     desk.take("me")
     desk.show(synthetic.mode("teleoperate"))
     now_s = 50.0
-    assert desk.hindrance("me") is None
+    assert desk.blocked_reason("me") is None
     now_s = 100.0
     desk.take("you")
     assert desk.board.holder == "me"

@@ -100,13 +100,13 @@ class RodModel:
 class Subject:
     """A task's simulator as discovery uses it.
 
-    `haste`: real seconds in one simulated second; `mass_kg`, `length_m`, `radius_m`: the object's; `low_m`: below this
-    height the tool can touch it; `nominal`: values of `PARAMETERS`, of which `calibrated` are fitted whatever the
+    `time_scale`: real seconds in one simulated second; `mass_kg`, `length_m`, `radius_m`: the object's; `low_m`: below
+    this height the tool can touch it; `nominal`: values of `PARAMETERS`, of which `calibrated` are fitted whatever the
     cause. `rods`: the object as a rod, which is simulated instead of the scene's material points where it is given.
     """
 
     scene: Scene
-    haste: float
+    time_scale: float
     mass_kg: float
     length_m: float
     radius_m: float
@@ -121,7 +121,7 @@ class Subject:
     """The tool, where it is known which it is."""
 
     @property
-    def heft(self) -> float:
+    def gravity_scale(self) -> float:
         """The simulation's weight over the real one."""
         gravity = self.scene.gravity_m_s2 if self.rods is None else self.rods.scene.gravity_m_s2
         return gravity / 9.81
@@ -129,7 +129,7 @@ class Subject:
     @property
     def step_s(self) -> float:
         """Time step, in real time."""
-        return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.haste
+        return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.time_scale
 
     def numeric(self, name: str) -> "Subject":
         """The subject with one of `NUMERICS` at 1, which change what is compiled."""

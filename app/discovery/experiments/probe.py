@@ -29,7 +29,7 @@ from app.discovery.residuals.direct_measurements import direct_blocks
 from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, prepare
-from app.discovery.residuals.sensitivity import Step, steps_of, ways_of
+from app.discovery.residuals.sensitivity import Step, hypotheses_of, steps_of
 
 Stop: TypeAlias = Literal["named", "none left", "budget"]
 NOTHING: Final = "nothing missing"
@@ -137,8 +137,8 @@ def belief_of(screening: Screening) -> Belief:
             variance=prior.variance[kept],
             nuisance=tuple(at[column] for column in prior.nuisance),
         ),
-        information=forms.A.sum(0)[np.ix_(kept, kept)] / weighing.temper,
-        pull=forms.b.sum(0)[kept] / weighing.temper,
+        information=forms.A.sum(0)[np.ix_(kept, kept)] / weighing.temperature,
+        pull=forms.b.sum(0)[kept] / weighing.temperature,
         pending=np.zeros((len(kept), len(kept))),
         noise=weighing.nothing.covariances,
         causes={cause: tuple(at[column] for column in columns) for cause, columns in suspects.items()},
@@ -231,7 +231,7 @@ def rival_words(cause: str) -> str:
 def _one_way(steps: Sequence[Step]) -> list[Step]:
     """Steps of each cause; of one that is asked about in several ways, those of the middle way."""
     ways = dict[str, list[list[int]]]()
-    for (cause, _), columns in ways_of(steps, range(len(steps))).items():
+    for (cause, _), columns in hypotheses_of(steps, range(len(steps))).items():
         ways.setdefault(cause, []).append(columns)
     kept = sorted(column for found in ways.values() for column in found[len(found) // 2])
     return [steps[column] for column in kept]
@@ -239,7 +239,7 @@ def _one_way(steps: Sequence[Step]) -> list[Step]:
 
 def _causes_of(steps: Sequence[Step], prior: Prior) -> dict[str, tuple[int, ...]]:
     free = (column for column in range(len(steps)) if column not in prior.nuisance)
-    return {cause: tuple(columns) for (cause, _), columns in ways_of(steps, free).items()}
+    return {cause: tuple(columns) for (cause, _), columns in hypotheses_of(steps, free).items()}
 
 
 def _unknown_noise() -> Covariances:

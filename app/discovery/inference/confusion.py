@@ -15,7 +15,7 @@ from app.discovery.inference.decide import named_of
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import log_bayes_of
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.sensitivity import ways_of
+from app.discovery.residuals.sensitivity import hypotheses_of
 
 _DRAWS = 200
 _LEAST = 1e-12
@@ -49,7 +49,7 @@ def _groups(screening: Screening) -> dict[str, list[list[int]]]:
     """The columns of each cause, once for each place or way that was asked about."""
     steps, nuisance = screening.steps, screening.prior.nuisance
     found = dict[str, list[list[int]]]()
-    for (cause, _), columns in ways_of(
+    for (cause, _), columns in hypotheses_of(
         steps, (n for n in range(len(steps)) if n not in nuisance and steps[n].cause != FORMULA)
     ).items():
         found.setdefault(cause, []).append(columns)
@@ -59,7 +59,7 @@ def _groups(screening: Screening) -> dict[str, list[list[int]]]:
 def _design(screening: Screening) -> _Design:
     """Information on all columns, with each column's own prior integrated out."""
     weighing, weights = screening.weighing, 1 / screening.prior.variance
-    A = weighing.nothing.forms.A.sum(0) / weighing.temper
+    A = weighing.nothing.forms.A.sum(0) / weighing.temperature
     information = np.diag(weights) - weights[:, None] * np.linalg.inv(A + np.diag(weights)) * weights
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     kept = np.maximum(values, _LEAST * max(float(values.max()), _LEAST))

@@ -24,7 +24,7 @@ from app.discovery.inference.weighing import Z90, Prior, weigh
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
-from app.discovery.residuals.sensitivity import apply_step, ways_of
+from app.discovery.residuals.sensitivity import apply_step, hypotheses_of
 
 TEMPERATURE = 2.0
 """Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""
@@ -264,7 +264,7 @@ def _without_needless(model: RefinedModel, simpler: Sequence[RefinedModel]) -> R
 def further(model: RefinedModel) -> list[CandidateCause]:
     """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
-    groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
+    groups = hypotheses_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
     weighing = weigh(model.data, list(groups.values()), model.prior)
     suspects = [
         CandidateCause(

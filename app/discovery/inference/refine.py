@@ -47,13 +47,13 @@ class RefinedModel:
     prior: Prior
     fit: MixedEffectsFit
     log_evidence: float
-    temper: float
+    temperature: float
     trust: float = 1.0
 
     @property
     def covariance(self) -> Float64[np.ndarray, "Q Q"]:
         """Covariance of the own columns, in their steps."""
-        return posterior(self.fit, self.prior, self.temper)[: self.own, : self.own]
+        return posterior(self.fit, self.prior, self.temperature)[: self.own, : self.own]
 
 
 def refine(
@@ -164,8 +164,8 @@ def _fit_linear(
         data=data,
         prior=prior,
         fit=fit,
-        log_evidence=log_evidence(fit, prior, weighing.temper),
-        temper=weighing.temper,
+        log_evidence=log_evidence(fit, prior, weighing.temperature),
+        temperature=weighing.temperature,
     )
     return replace(model, estimate=_ahead(catalogue, model, 1.0))
 

@@ -12,12 +12,12 @@ from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, C
 from app.discovery.inference.ends import Ends, find_ends, turn_rows
 from app.discovery.inference.localize import Located, localized
 from app.discovery.inference.mixed_effects import fit_mixed_effects
-from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, habit, weigh
+from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, null_prior, weigh
 from app.discovery.residuals.displacement_field import AFTER, Basis
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
-from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, residuals, steps_of, ways_of
+from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, hypotheses_of, residuals, steps_of
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -127,7 +127,7 @@ def screen_again(
     asked = list[tuple[str, list[int], float]]()
     features = columns_of_features(steps)
     free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)
-    for (cause, _), columns in ways_of(steps, free).items():
+    for (cause, _), columns in hypotheses_of(steps, free).items():
         even = [column for column in columns if column not in odd]
         asked.append((cause, columns, costs.get(cause, 0.0) + (chosen if len(even) < len(columns) else 0.0)))
         if 0 < len(even) < len(columns):
@@ -178,7 +178,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
         [
             (0.0, CALIBRATED)
             if step.cause in calibrated
-            else habit(causes[step.cause], catalogue.specs[step.column].name, rods=catalogue.rods)
+            else null_prior(causes[step.cause], catalogue.specs[step.column].name, rods=catalogue.rods)
             for step in steps
         ]
     )

@@ -2,7 +2,7 @@
 
 All in steps: an effect at its typical size is 1, and its prior, where it is present, a normal distribution of standard
 deviation 1. Where it is absent, it may still be needed a little, because the simulation is not the world even if no
-effect is missing in it: `HABITS`, the simulator's own errors as they project onto these columns. The unit of
+effect is missing in it: `NULL_PRIOR_SD`, the simulator's own errors as they project onto these columns. The unit of
 independence is the episode; likelihoods are tempered by the overdispersion of the episodes' scores (Boos 1992, "On
 generalized score tests").
 """
@@ -18,9 +18,9 @@ from app.discovery.dataset.model_under_test import Cause, Family
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fit_mixed_effects
 from app.discovery.residuals.rows import Residuals
 
-HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
+NULL_PRIOR_SD: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
 """Standard deviation, in steps, of what effects seem to have where nothing is wrong."""
-_OWN_HABITS: Mapping[str, float] = {
+_OWN_NULL_PRIOR_SD: Mapping[str, float] = {
     "finger_friction": 0.2,
     "friction_anisotropy": 0.14,
     "friction_map": 0.12,
@@ -32,11 +32,11 @@ _OWN_HABITS: Mapping[str, float] = {
     "tcp_offset": 0.04,
 }
 """Exceptions to it. That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter."""
-_USUAL: Mapping[str, float] = {"mask_erosion": -0.29}
+_NULL_PRIOR_MEAN: Mapping[str, float] = {"mask_erosion": -0.29}
 """Means under the null hypothesis, where they are not 0. Like the deviations they were learnt by expectation and
 maximisation, from 62 recordings of 32 pushes: 39 of our own engine in other numerics and 23 of MuJoCo's world, which
 count as much; what was hidden in some of them was left out."""
-ROD_HABITS: Mapping[str, tuple[float, float]] = {
+ROD_NULL_PRIOR: Mapping[str, tuple[float, float]] = {
     "anisotropy_axes": (0.0, 0.081),
     "anisotropy_diagonals": (0.0, 0.081),
     "attraction": (0.0, 0.101),
@@ -112,13 +112,13 @@ class Prior:
         return replace(self, variance=variance)
 
 
-def habit(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[float, float]:
+def null_prior(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[float, float]:
     """Null prior of a cause's apparent size, in steps: mean and standard deviation."""
-    if rods and parameter in ROD_HABITS:
-        return ROD_HABITS[parameter]
+    if rods and parameter in ROD_NULL_PRIOR:
+        return ROD_NULL_PRIOR[parameter]
     if cause.family == "numerics":
         return 0.0, NUMERIC
-    return _USUAL.get(cause.name, 0.0), _OWN_HABITS.get(cause.name, HABITS[cause.family])
+    return _NULL_PRIOR_MEAN.get(cause.name, 0.0), _OWN_NULL_PRIOR_SD.get(cause.name, NULL_PRIOR_SD[cause.family])
 
 
 class HypothesisResult(NamedTuple):
@@ -132,10 +132,10 @@ class HypothesisResult(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelComparison:
-    """The null hypothesis, and each other against it. `temper`: see `dispersion`."""
+    """The null hypothesis, and each other against it. `temperature`: see `dispersion`."""
 
     nothing: MixedEffectsFit
-    temper: float
+    temperature: float
     log_evidence: float
     findings: tuple[HypothesisResult, ...]
 
@@ -147,29 +147,29 @@ def weigh(data: Residuals, hypotheses: Sequence[Sequence[int]], prior: Prior) ->
     matters. All begin from the same noises, so that none wins by a better search.
     """
     alone = _fit(data, prior, (None,))
-    temper = dispersion(alone, prior.nuisance)
+    temperature = dispersion(alone, prior.nuisance)
     causes = [column for column in range(len(prior.mean)) if column not in prior.nuisance]
     wide = _fit(data, prior.wider(causes), (alone.covariances, None))
     starts = (alone.covariances, wide.covariances)
-    known = [[_quick(fit.forms, prior, columns, temper) for fit in (alone, wide)] for columns in hypotheses]
+    known = [[_quick(fit.forms, prior, columns, temperature) for fit in (alone, wide)] for columns in hypotheses]
     quick = [max(found, key=_strength) for found in known]
     promising = sorted(range(len(quick)), key=lambda index: -quick[index].log_bayes)[:_LEARNT]
     fits = {index: _fit(data, prior.wider(hypotheses[index]), starts) for index in promising}
-    evidences = {index: log_evidence(fit, prior.wider(hypotheses[index]), temper) for index, fit in fits.items()}
+    evidences = {index: log_evidence(fit, prior.wider(hypotheses[index]), temperature) for index, fit in fits.items()}
     best = sorted(evidences, key=lambda index: -evidences[index])[:_AGAIN]
     nothing = _fit(data, prior, (*starts, *(fits[index].covariances for index in best)))
-    base = log_evidence(nothing, prior, temper)
+    base = log_evidence(nothing, prior, temperature)
     learnt = {
-        index: _finding(fit, prior.wider(hypotheses[index]), hypotheses[index], evidences[index] - base, temper)
+        index: _finding(fit, prior.wider(hypotheses[index]), hypotheses[index], evidences[index] - base, temperature)
         for index, fit in fits.items()
     }
     findings = tuple(learnt.get(index, found) for index, found in enumerate(quick))
-    return ModelComparison(nothing=nothing, temper=temper, log_evidence=base, findings=findings)
+    return ModelComparison(nothing=nothing, temperature=temperature, log_evidence=base, findings=findings)
 
 
-def _quick(forms: QuadraticForms, prior: Prior, columns: Sequence[int], temper: float) -> HypothesisResult:
+def _quick(forms: QuadraticForms, prior: Prior, columns: Sequence[int], temperature: float) -> HypothesisResult:
     """The same where the noise is taken to be known: exact, and a hundred times as quick as to learn it."""
-    A, b = forms.A.sum(0) / temper, forms.b.sum(0) / temper
+    A, b = forms.A.sum(0) / temperature, forms.b.sum(0) / temperature
 
     def solved(own: Prior) -> tuple[float, Float64[np.ndarray, " P"], Float64[np.ndarray, "P P"]]:
         precision = A + np.diag(1 / own.variance)
@@ -196,17 +196,17 @@ def log_bayes_of(
     return 0.5 * ((scores[:, own].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
 
 
-def log_evidence(fit: MixedEffectsFit, prior: Prior, temper: float) -> float:
+def log_evidence(fit: MixedEffectsFit, prior: Prior, temperature: float) -> float:
     """Laplace's approximation, likelihoods tempered; but for a constant of the data."""
-    precision = fit.forms.A.sum(0) / temper + np.diag(1 / prior.variance)
+    precision = fit.forms.A.sum(0) / temperature + np.diag(1 / prior.variance)
     occam = np.log(prior.variance).sum() + np.linalg.slogdet(precision)[1]
     misfit = ((fit.theta - prior.mean) ** 2 / prior.variance).sum()
-    return fit.log_likelihood / temper - 0.5 * float(misfit + occam)
+    return fit.log_likelihood / temperature - 0.5 * float(misfit + occam)
 
 
-def posterior(fit: MixedEffectsFit, prior: Prior, temper: float) -> Float64[np.ndarray, "P P"]:
+def posterior(fit: MixedEffectsFit, prior: Prior, temperature: float) -> Float64[np.ndarray, "P P"]:
     """The covariance of all columns, in steps."""
-    return np.linalg.inv(fit.forms.A.sum(0) / temper + np.diag(1 / prior.variance))
+    return np.linalg.inv(fit.forms.A.sum(0) / temperature + np.diag(1 / prior.variance))
 
 
 def dispersion(fit: MixedEffectsFit, nuisance: Sequence[int]) -> float:
@@ -249,7 +249,7 @@ def _fit(data: Residuals, prior: Prior, starts: Sequence[Covariances | None]) ->
 
 
 def _finding(
-    fit: MixedEffectsFit, prior: Prior, columns: Sequence[int], log_bayes: float, temper: float
+    fit: MixedEffectsFit, prior: Prior, columns: Sequence[int], log_bayes: float, temperature: float
 ) -> HypothesisResult:
     own = list(columns)
-    return HypothesisResult(log_bayes, fit.theta[own], posterior(fit, prior, temper)[np.ix_(own, own)])
+    return HypothesisResult(log_bayes, fit.theta[own], posterior(fit, prior, temperature)[np.ix_(own, own)])

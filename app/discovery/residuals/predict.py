@@ -1,7 +1,7 @@
 """Predicted observations of a model: each push simulated from the view before it, and seen as cameras see it.
 
-Time runs as it was measured, `haste` times as fast. The simulation stops once on the way, at the moment of the view
-that was taken during the push, where there is one.
+Time runs as it was measured, `time_scale` times as fast. The simulation stops once on the way, at the moment of the
+view that was taken during the push, where there is one.
 """
 
 import math

@@ -200,7 +200,7 @@ def apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
     return (spec.coordinate(float(other[step.column])) - spec.coordinate(float(one[step.column]))) / step.size
 
 
-def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int]]:
+def hypotheses_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int]]:
     """Groups of columns of `steps` that belong to one hypothesis: one cause at one place, or of one shape."""
     found = dict[Way, list[int]]()
     for column in columns:

@@ -1,6 +1,6 @@
 """Results of discovery, and everything that a reader needs to judge them: the typed results of all stages.
 
-Values are real ones in SI units (`ParameterSpec.real`), whatever the simulation's haste. Intervals are 90 %.
+Values are real ones in SI units (`ParameterSpec.real`), whatever the simulation's time scale. Intervals are 90 %.
 """
 
 from dataclasses import dataclass

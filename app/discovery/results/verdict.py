@@ -103,7 +103,7 @@ def estimate_of(
     here = spec.coordinate(float(about[column])) + shift
 
     def real(coordinate: float) -> float:
-        return spec.real(spec.value(coordinate), subject.haste, subject.heft) + catalogue.told_m(column)
+        return spec.real(spec.value(coordinate), subject.time_scale, subject.gravity_scale) + catalogue.told_m(column)
 
     return Estimate(
         name=spec.name,
@@ -112,13 +112,13 @@ def estimate_of(
         unit=spec.unit,
         low=real(here - Z90 * deviation),
         high=real(here + Z90 * deviation),
-        null=spec.real(spec.nominal, subject.haste, subject.heft) + catalogue.told_m(column),
+        null=spec.real(spec.nominal, subject.time_scale, subject.gravity_scale) + catalogue.told_m(column),
     )
 
 
 def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> tuple[Power, ...]:
     """Smallest size of each switch whose expected evidence, everything else being free, is enough for a name."""
-    A = screening.weighing.nothing.forms.A.sum(0) / screening.weighing.temper
+    A = screening.weighing.nothing.forms.A.sum(0) / screening.weighing.temperature
     powers = list[Power]()
     for suspect in screening.suspects:
         for column, step in zip(suspect.columns, suspect.steps, strict=True):
@@ -144,7 +144,10 @@ def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> t
 
 def _size(catalogue: Catalogue, subject: Subject, column: int, value: float) -> float:
     spec = catalogue.specs[column]
-    return abs(spec.real(value, subject.haste, subject.heft) - spec.real(spec.nominal, subject.haste, subject.heft))
+    return abs(
+        spec.real(value, subject.time_scale, subject.gravity_scale)
+        - spec.real(spec.nominal, subject.time_scale, subject.gravity_scale)
+    )
 
 
 def sentences_of(

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.inference.weighing import HABITS, ModelComparison, Prior, weigh
+from app.discovery.inference.weighing import NULL_PRIOR_SD, ModelComparison, Prior, weigh
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
@@ -66,7 +66,7 @@ class BasisFunctions:
         prior = replace(
             prior,
             mean=np.concatenate([prior.mean, np.zeros(count)]),
-            variance=np.concatenate([prior.variance, np.full(count, HABITS["physics"] ** 2)]),
+            variance=np.concatenate([prior.variance, np.full(count, NULL_PRIOR_SD["physics"] ** 2)]),
         )
         at = columns_of_features((*steps, *self.steps))
         return Widened(data=wide, prior=prior, weighing=weigh(wide, list(at.values()), prior), at=at)

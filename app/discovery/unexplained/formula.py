@@ -139,10 +139,10 @@ def _suspect(steps: Sequence[Step], columns: Sequence[int], finding: HypothesisR
 
 def _rivals(known: BasisFunctions, nothing: Widened, decision: ModelSelection, beside: Widened) -> list[_Rival]:
     """Rivals of a formula: nothing missing, the accepted causes, and the likeliest cause if it was not accepted."""
-    temper = nothing.weighing.temper
+    temperature = nothing.weighing.temperature
 
     def rival(wide: Widened, causes: int, *, accepted: bool) -> _Rival:
-        evidence = log_evidence(wide.weighing.nothing, wide.prior, temper)
+        evidence = log_evidence(wide.weighing.nothing, wide.prior, temperature)
         return _Rival(wide.data, wide.prior, evidence, causes, accepted)
 
     if decision.accepted is not None:

@@ -22,7 +22,7 @@ from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerCo
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
 from app.planner.search.tree import TreeConfig, roll_out, simulate, start
-from app.policy.base import AWAY, PlanningState
+from app.policy.base import PARKED_POSE, PlanningState
 
 _AGAIN_M = 0.02
 """Distance of the ends of two tool paths within which a motion counts as one that was rejected."""
@@ -76,7 +76,7 @@ class TreePlanner:
         actions = _rolled_out(self.search, tree)
         _descend.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
         compile_film(self.search, tree.phi, tree.now, actions)
-        _ways(self.search, actions[:, 0], AWAY)
+        _ways(self.search, actions[:, 0], PARKED_POSE)
 
 
 _rolled_out = jax.jit(roll_out, static_argnums=0)
@@ -111,7 +111,7 @@ def choose(
     Raises PlanningError where there is none.
     """
     site, tool, command = request.site, request.tool, request.command
-    pose = AWAY if tool is None else tool
+    pose = PARKED_POSE if tool is None else tool
     ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]

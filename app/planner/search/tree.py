@@ -15,7 +15,7 @@ from app.core.types import Centreline, Points, ToolPose
 from app.planner.actions.actions import ActionSpace
 from app.planner.search.cost import Terms, Weights, step_terms
 from app.planner.search.request import PlanRequest
-from app.policy.base import AWAY, PlanningState, Policy, Prepared, StatefulPolicy
+from app.policy.base import PARKED_POSE, PlanningState, Policy, Prepared, StatefulPolicy
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State
 
@@ -100,7 +100,7 @@ class RootBatch(NamedTuple):
 def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
     rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
-    observed, pose = request.observed, AWAY if request.tool is None else request.tool
+    observed, pose = request.observed, PARKED_POSE if request.tool is None else request.tool
     here = situation(search, observed, pose, request.near)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
 from app.core.types import Points, ToolPose
-from app.policy.base import AWAY, ActionDistribution, PlanningState
+from app.policy.base import PARKED_POSE, ActionDistribution, PlanningState
 from app.policy.learned.sight import PolicyObservation, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
 from app.sim.diagnosis.object_state import ObjectState
@@ -101,7 +101,7 @@ class Lessons:
 
         Its pose after a demonstrated action would reveal which one that was, and simulated situations lack it.
         """
-        away = jnp.broadcast_to(jnp.asarray(AWAY, jnp.float32), now.tool.shape)
+        away = jnp.broadcast_to(jnp.asarray(PARKED_POSE, jnp.float32), now.tool.shape)
         return sight(self.views, goal, now._replace(tool=away) if self.space.anywhere else now)
 
 

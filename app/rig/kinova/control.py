@@ -144,7 +144,7 @@ class KinovaControl:
             self._jogging.aim(jog)
         return True
 
-    def coast(self) -> None:
+    def decelerate(self) -> None:
         """Brake a jogged tool to rest: by the arm's own Stop, which is no slower than a ramp of twists."""
         if self._jogging is not None:
             self._jogging.brake(self._limits.stop_deceleration_m_s2)

@@ -59,7 +59,7 @@ class ArmControl:
             self._path.aim(jog)
         return True
 
-    def coast(self) -> None:
+    def decelerate(self) -> None:
         """Brake a jogged tool to rest: its commands have ceased."""
         if isinstance(self._path, Jogging):
             self._path.brake(self._limits.stop_deceleration_m_s2)

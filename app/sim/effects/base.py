@@ -113,7 +113,7 @@ class Effect:
     switches: int | None = None
     reach_m: float | None = None
     """Farther than this from its place it does nothing; None: it acts everywhere."""
-    oriented: bool = False
+    needs_orientation: bool = False
     """True if it does nothing where nobody knows which end of the object is the first; material points then omit it."""
     odd: tuple[str, ...] = ()
     """Parameters that change their sign where the object's other end is called the first."""

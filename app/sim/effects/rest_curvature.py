@@ -43,7 +43,7 @@ EFFECT = Effect(
         ),
     ),
     rest=curved_rest,
-    oriented=True,
+    needs_orientation=True,
     odd=("rest_curvature",),
     rod=RodEffect(properties=curved_rods),
 )

@@ -45,13 +45,13 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 
 PARAMETERS = parameters_with(EFFECTS)
 
-_HASTE, _HEFT = 5.0, 12.0
+_TIME_SCALE, _GRAVITY_SCALE = 5.0, 12.0
 """Those of the simulated rope of material points (`tasks.rope_push`), for which effects say what is typical."""
 
 
 def rod_parameters_of(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
     """The parameters of effects on rods, which move in real time under their real weight."""
-    return tuple(spec.in_real_units(_HASTE, _HEFT) for effect in effects for spec in effect.parameters)
+    return tuple(spec.in_real_units(_TIME_SCALE, _GRAVITY_SCALE) for effect in effects for spec in effect.parameters)
 
 
 ROD_PARAMETERS = NOMINAL_PHYSICS + rod_parameters_of(EFFECTS)

@@ -43,7 +43,7 @@ _AROUND_M, _PIXEL_M = 0.04, 0.008
 """Margin [m] of pictures around the reach of actions, and their pixel [m]: half of a rope's width."""
 _ROUNDED = 1e-6
 """Relative rounding error of a number in single precision."""
-_LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
+_LONGEST, _LARGEST_TIME_SCALE, _MOST = 1e3, 1e2, 1e6
 """Upper bounds on actions, time scale and sizes of presets: a larger number is a mistake."""
 
 
@@ -143,9 +143,9 @@ class Task:
     criterion on observations, if it has to be stricter than the aim; `horizon`: the actions after which an evaluation
     ends otherwise. `rods`: the object as a rod, if it is a rope; `dynamics`: see `with_dynamics`; `own_dynamics`: the
     default of commands. `sized`: the task with another rope and finger.
-    `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the object, which is not done
-    then, wherever it is. `lesson`: the setting of demonstrations, if it has another object; a model that they calibrate
-    has to go on learning in use.
+    `time_scale`: real seconds in a simulated one. `open_gripper_m`: a tool that opens less may hold the object, which
+    is not done then, wherever it is. `training_variant`: the setting of demonstrations, if it has another object; a
+    model that they calibrate has to go on learning in use.
     """
 
     name: str
@@ -163,13 +163,13 @@ class Task:
     aim: SuccessCriterion
     horizon: int
     presets: Mapping[str, Preset]
-    haste: float = 1.0
+    time_scale: float = 1.0
     begin: Begin = _at_rest
     at_rest: bool = True
     ends: SuccessCriterion | None = None
-    empty_m: float = 0.0
+    open_gripper_m: float = 0.0
     side: OrthographicView | None = None
-    lesson: Lesson | None = None
+    training_variant: Lesson | None = None
     rods: RodDynamics | None = None
     dynamics: str = "mpm"
     own_dynamics: str = "mpm"
@@ -228,15 +228,17 @@ class Task:
             calibrated=self.rods.calibrated,
             presets=self.rods.presets,
             begin=RodStart.of(self.rods.scene),
-            haste=1.0,
+            time_scale=1.0,
         )
 
     @property
     def demonstrated(self) -> Task:
         """The task that the expert demonstrates: itself, or the same with the object of its lesson."""
-        if self.lesson is None:
+        if self.training_variant is None:
             return self
-        return replace(self, stage=self.lesson.stage, problems=self.lesson.problems, lesson=None)
+        return replace(
+            self, stage=self.training_variant.stage, problems=self.training_variant.problems, training_variant=None
+        )
 
     def __post_init__(self) -> None:
         """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""
@@ -249,7 +251,7 @@ class Task:
         for name in self.calibrated:
             index(name)
         checked("horizon", float(self.horizon), 1.0, _LONGEST)
-        checked("haste", self.haste, 1 / _HASTIEST, _HASTIEST)
+        checked("time_scale", self.time_scale, 1 / _LARGEST_TIME_SCALE, _LARGEST_TIME_SCALE)
         for kind, preset in self.presets.items():
             for name, value in vars(preset).items():
                 checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
@@ -315,7 +317,7 @@ class Task:
 
     def _empty(self, tool: ToolPose | None) -> bool:
         """True if the tool surely holds nothing, as one that is nowhere near."""
-        return tool is None or bool(tool[7] >= self.empty_m)
+        return tool is None or bool(tool[7] >= self.open_gripper_m)
 
 
 @final

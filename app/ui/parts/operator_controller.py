@@ -203,7 +203,7 @@ class OperatorController:
         with self._lock:
             self._tell(text)
 
-    def hindrance(self, operator: str) -> str | None:
+    def blocked_reason(self, operator: str) -> str | None:
         """Reason why `operator` may not jog now, in words; None where allowed, which counts as use of control."""
         with self._lock:
             why = _hindrance(self._board, operator) if operator not in self._gone else f"{operator} has left"

@@ -125,13 +125,13 @@ def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_
     assert [quantity.name for quantity in effect.quantities] == [spec.name for spec in specs]
     for quantity, spec in zip(effect.quantities, specs, strict=True):
         assert quantity.unit == spec.unit
-        assert quantity.null == pytest.approx(spec.real(spec.nominal, TASK.haste, HEFT))
+        assert quantity.null == pytest.approx(spec.real(spec.nominal, TASK.time_scale, HEFT))
         if spec.typical is None or quantity.typical is None:
             assert spec.typical is None
             assert quantity.typical is None
         else:
-            assert quantity.typical == pytest.approx(spec.real(spec.typical, TASK.haste, HEFT), rel=0.01)
-            assert quantity.high <= 1.01 * spec.real(spec.high, TASK.haste, HEFT)
+            assert quantity.typical == pytest.approx(spec.real(spec.typical, TASK.time_scale, HEFT), rel=0.01)
+            assert quantity.high <= 1.01 * spec.real(spec.high, TASK.time_scale, HEFT)
 
 
 @catalogued

@@ -155,7 +155,7 @@ def test_an_arm_beside_a_table_that_is_lower_turned_and_shifted_is_told_in_the_f
         # By hand along the table's x.
         before = tool(arm)
         until(lambda: loop.do(loop.control.jog, Jog(linear=np.array([-0.1, 0.0, 0.0]))) and moved_m(arm, before) > 0.02)
-        loop.do(loop.control.coast)
+        loop.do(loop.control.decelerate)
         loop.comes_to("idle")
         way_made = tool(arm) - before
         assert way_made @ turn[:, 0] == pytest.approx(-np.linalg.norm(way_made), rel=0.02)
@@ -301,7 +301,7 @@ def test_a_hand_moves_the_tool_and_letting_go_brings_it_to_rest(loop: Loop, arm:
     assert loop.control.jogging
     assert loop.control.mode == "moving"
     assert tool(arm)[1] > 0.03
-    loop.do(loop.control.coast)
+    loop.do(loop.control.decelerate)
     loop.comes_to("idle")
     until(lambda: not arm.look()["moving"])
     told = arm.commands()
@@ -321,7 +321,7 @@ def test_a_hand_that_wants_all_there_is_gets_no_more_over_the_wire_than_the_limi
 
 def test_a_hand_turns_the_tool_and_moves_the_fingers(loop: Loop, arm: FakeProcess) -> None:
     hold(loop, Jog(angular=np.array([0.0, 0.0, 0.5]), opening=-0.05), 0.8)
-    loop.do(loop.control.coast)
+    loop.do(loop.control.decelerate)
     loop.comes_to("idle")
     assert loop.control.measured[7] < SITE.limits.opening_m - 0.01
     assert abs(loop.control.measured[6]) + abs(loop.control.measured[5]) > 0.05
@@ -331,7 +331,7 @@ def test_a_hand_turns_the_tool_and_moves_the_fingers(loop: Loop, arm: FakeProces
 def test_a_hand_cannot_move_the_tool_out_of_the_workspace(loop: Loop, arm: FakeProcess) -> None:
     hold(loop, Jog(linear=np.array([0.0, 0.0, 0.25])), 1.5)
     assert tool(arm)[2] < SITE.limits.workspace.high[2] + 2e-3
-    loop.do(loop.control.coast)
+    loop.do(loop.control.decelerate)
     loop.comes_to("idle")
     assert tool(arm)[2] < SITE.limits.workspace.high[2] + 2e-3
 
