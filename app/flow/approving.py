@@ -20,7 +20,7 @@ from app.flow.perception_stage import Sensing
 class Approving:
     """`proposals`: the one that is shown; `asked`: that a decision is waited for.
 
-    `blocked_reason` says why nothing may be approved yet, and nothing where something may.
+    `blocked` says why nothing may be approved yet, and nothing where something may.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Approving:
         announcer: MessageBus,
         clock: Clock,
         *,
-        blocked_reason: Callable[[], str],
+        blocked: Callable[[], str],
     ) -> None:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
@@ -41,7 +41,7 @@ class Approving:
         self._gate = ApprovalGate(
             max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
         )
-        self._sensing, self._modes, self._hindrance = sensing, modes, blocked_reason
+        self._sensing, self._modes, self._blocked = sensing, modes, blocked
         self._announcer, self._clock = announcer, clock
 
     def moved_away(self, proposal: Proposal) -> bool:
@@ -115,7 +115,7 @@ class Approving:
             why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
             self._announcer.notice("approval", why, decision.proposal_id)
             return None
-        if why := self._hindrance():
+        if why := self._blocked():
             self._announcer.notice("approval", why, decision.proposal_id)
             return None
         try:

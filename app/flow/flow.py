@@ -107,9 +107,7 @@ class Flow:
         self.planning, self.stopping = Planning(wish, planner, site, self.probing, *by), StoppingRule(wish, by[0])
         checked = wish.checklist or not rig.simulated
         self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
-        self.approving = Approving(
-            site, self.sensing, self.modes, *by, blocked_reason=lambda: self.preflight.blocked_reason
-        )
+        self.approving = Approving(site, self.sensing, self.modes, *by, blocked=lambda: self.preflight.blocked_reason)
         self.executing = Executing(rig, self.holding, self.summary, *by)
         self.watching = Watching(*by, wish.verdict, recording)
         self.reporting = Reporting(site, rig, self.summary, *by)
