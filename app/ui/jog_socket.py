@@ -66,7 +66,7 @@ class JogSocket:
         refused: Callable[[str], None],
     ) -> None:
         self._hand, self._badges = hand, badges
-        self._hindrance, self._refused = blocked_reason, refused
+        self._blocked_reason, self._refused = blocked_reason, refused
         self._open: dict[str, web.WebSocketResponse] = {}
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -128,7 +128,7 @@ class JogSocket:
                 return
             if pace.allows(time.monotonic()):
                 data = message.data.encode(errors="replace")
-                says = self._hand.sample(operator, data, refused=self._hindrance(operator))
+                says = self._hand.sample(operator, data, refused=self._blocked_reason(operator))
                 await websocket.send_json({"says": says, "at": self._hand.tool()[:3].tolist()})
 
     async def _refuse(self, websocket: web.WebSocketResponse, why: str) -> None:

@@ -206,7 +206,7 @@ class OperatorController:
     def blocked_reason(self, operator: str) -> str | None:
         """Reason why `operator` may not jog now, in words; None where allowed, which counts as use of control."""
         with self._lock:
-            why = _hindrance(self._board, operator) if operator not in self._gone else f"{operator} has left"
+            why = _blocked_reason(self._board, operator) if operator not in self._gone else f"{operator} has left"
             if why is None:
                 self._used_s = self.now()
             return why
@@ -263,7 +263,7 @@ class OperatorController:
         self.changed.set()
 
 
-def _hindrance(board: ConsoleState, operator: str) -> str | None:
+def _blocked_reason(board: ConsoleState, operator: str) -> str | None:
     """Reason against jogging on this board. Control is not taken implicitly: a stuck stick must command nothing."""
     if board.fatal is not None:
         return "the program has ended"
