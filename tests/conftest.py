@@ -131,7 +131,8 @@ def loop_is_never_blocked(request: pytest.FixtureRequest) -> Iterator[None]:
         return
     with blockbuster_ctx("app") as watch:
         for function in watch.functions.values():
-            # A worker process may take its milliseconds to start, and a module its own to be imported.
+            # A worker process may take its milliseconds to start, and a module its own to be found and imported.
             function.can_block_in("multiprocessing/process.py", "start")
             function.can_block_in("<frozen importlib._bootstrap>", "_find_and_load")
+            function.can_block_in("pkgutil.py", "_iter_file_finder_modules")
         yield
