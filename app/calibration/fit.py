@@ -159,7 +159,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         loss_m2=here.loss_m2,
         trials=(Tried(start, trials[0].loss_m2), *trials[1:]),
         lost=here.lost,
-        losses_m2=_spread_of(here.r**2, here.lost),
+        losses_m2=_insert_lost(here.r**2, here.lost),
     )
 
 
@@ -217,7 +217,7 @@ def _probe(spec: ParameterSpec) -> float:
     )
 
 
-def _spread_of(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
+def _insert_lost(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
     """The losses with NaN inserted at the indices `lost`."""
     every = np.full(len(losses) + len(lost), np.nan)
     every[np.setdiff1d(np.arange(len(every)), lost)] = losses

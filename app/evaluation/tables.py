@@ -48,17 +48,17 @@ def _cells(found: Sequence[Score]) -> list[list[str]]:
     return [
         [
             *(score.name, str(score.episodes), str(score.failed)),
-            _measurements(score.success, 100.0, "%"),
-            _measurements(score.chamfer_m2, MM2),
-            _measurements(score.worse_m2, MM2),
-            _measurements(score.reward, 1.0),
+            _measurement(score.success, 100.0, "%"),
+            _measurement(score.chamfer_m2, MM2),
+            _measurement(score.worse_m2, MM2),
+            _measurement(score.reward, 1.0),
             *(f"{score.actions:.1f}", f"{score.decision_s:.2f} / {score.longest_s:.2f}"),
         ]
         for score in found
     ]
 
 
-def _measurements(value: Measured, unit: float, sign: str = "") -> str:
+def _measurement(value: Measured, unit: float, sign: str = "") -> str:
     if not value.n:
         return "-"
     text = f"{_number(value.value * unit)}{sign}"

@@ -16,7 +16,7 @@ from app.core.ports import Camera, Clock, Rig
 from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.flow.arm_pose_history import Following
-from app.flow.segmentation_settings import Seeing, credible, place, seen
+from app.flow.segmentation_settings import Seeing, credible, require_placed, seen
 from app.perception.cloud.occlusion_memory import NOTHING
 from app.perception.reconstruct import PriorKnowledge, Reconstructed, Reconstruction, looked, reconstruct, warm_up
 
@@ -84,7 +84,7 @@ class Sensing:
         """Camera -> frames; a camera that fails is reported and tried again."""
         while True:
             try:
-                frame = place(await camera.read())
+                frame = require_placed(await camera.read())
             except DeviceError as error:
                 self._announcer.fault(f"camera {camera.model.name}", error)
                 await self._clock.sleep(1.0)

@@ -13,7 +13,7 @@ from app.core.motion import Motion
 from app.core.ports import Clock
 from app.core.system.worker import Worker
 from app.flow.perception_stage import Sensing
-from app.jobs.probed import Chosen, Weighed, chosen_motion, unprobed, weigh_causes
+from app.jobs.probed import Chosen, Weighed, belief_after, chosen_motion, unprobed
 from app.tasks.elements.base import EpisodeConfig, Experiment
 
 if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
@@ -67,7 +67,7 @@ class Probing:
         if experiment is None:
             return None
         if self._held is None:
-            self._held = await self._planner.run(weigh_causes, self._task.name, (), experiment.budget)
+            self._held = await self._planner.run(belief_after, self._task.name, (), experiment.budget)
         self._draws += 1
         episode = len(self._made) // experiment.batch
         self._offered = await self._planner.run(
@@ -90,7 +90,7 @@ class Probing:
         if count % experiment.batch and count < experiment.budget:
             return
         do("weighing every cause")
-        held = self._held = await self._planner.run(weigh_causes, self._task.name, tuple(self._made), experiment.budget)
+        held = self._held = await self._planner.run(belief_after, self._task.name, tuple(self._made), experiment.budget)
         self._announcer.notice("experiment", held.text)
         if held.over:
             self._over, self._experiment = held.over, None

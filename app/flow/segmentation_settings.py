@@ -18,7 +18,7 @@ _BEYOND_M = 1.0
 """Margin around the object's box: observations beyond it cannot be of an object."""
 
 
-def place(frame: Frame) -> Frame:
+def require_placed(frame: Frame) -> Frame:
     """The frame, where its camera stands somewhere. Raises DeviceError where its calibration holds no numbers."""
     camera = frame.camera
     if not (np.isfinite(camera.K).all() and np.isfinite(camera.T_world_camera).all()):

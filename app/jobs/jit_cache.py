@@ -34,7 +34,7 @@ from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
 from app.sim.rods.state import RodStart, RodState
-from app.sim.runtime.directions import direct
+from app.sim.runtime.directions import find_directions
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
@@ -74,7 +74,7 @@ def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()
 @lru_cache
 def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromRest:
     """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
-    end, begin = end_loss(task, particle_count, effects, stiff), load(task).begin
+    end, begin = end_from_state(task, particle_count, effects, stiff), load(task).begin
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
@@ -85,7 +85,7 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), st
 
 
 @lru_cache
-def end_loss(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
+def end_from_state(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
     """The same from a state, as the particles come to rest."""
     carry = carried(task, particle_count, effects, stiff)
 
@@ -147,7 +147,7 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
     ) -> ObjectState:
         assert isinstance(state, State)
         setting = now(len(phi), particle_count)
-        known = setting if began is state.x else direct(data.scene, setting, began)
+        known = setting if began is state.x else find_directions(data.scene, setting, began)
         return simulate(phi[:, own], state, tool, known)
 
     return move
@@ -225,7 +225,7 @@ def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.nd
 @lru_cache
 def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
-    simulator = end_loss(task, data.preset(preset).particle_count, *needed)
+    simulator = end_from_state(task, data.preset(preset).particle_count, *needed)
     predictor = ModelScorer(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)

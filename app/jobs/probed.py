@@ -57,11 +57,11 @@ def probed_subject(task: Task) -> Subject:
 
 def belief(task: str, study: Study | None = None) -> Belief:
     """Belief after a study; the prior without one. Takes up to a minute."""
-    from app.discovery.experiments.probe import first_belief, update_belief
+    from app.discovery.experiments.probe import belief_of_study, first_belief
     from app.tasks import load
 
     subject = probed_subject(load(task))
-    return first_belief(subject) if study is None else update_belief(study, subject)
+    return first_belief(subject) if study is None else belief_of_study(study, subject)
 
 
 def next_probe(
@@ -105,7 +105,7 @@ class Chosen:
     then: Weighed
 
 
-def weigh_causes(task: str, made: Sequence[Push], budget: int) -> Weighed:
+def belief_after(task: str, made: Sequence[Push], budget: int) -> Weighed:
     """Belief after the pushes of a session so far. Takes up to a minute."""
     from app.discovery.dataset.study import Study
     from app.discovery.experiments.probe import belief_words, stop_of, stop_words
@@ -113,7 +113,7 @@ def weigh_causes(task: str, made: Sequence[Push], budget: int) -> Weighed:
 
     data = load(task)
     count = probed_subject(data).particle_count
-    pushes = tuple(_count(push, count) for push in made)
+    pushes = tuple(_resample(push, count) for push in made)
     held = belief(task, Study(task=data.recorded, pushes=pushes) if pushes else None)
     stop, words = stop_of(held, budget), belief_words(held)
     over = "" if stop is None else stop_words(held, stop)
@@ -138,9 +138,9 @@ def chosen_motion(
     from app.policy.random_pushes import PushDesign
     from app.tasks import load
 
-    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weigh_causes` or of this.
+    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `belief_after` or of this.
     count = probed_subject(data).particle_count
-    pushes = tuple(_count(push, count) for push in made)
+    pushes = tuple(_resample(push, count) for push in made)
     slowest, fastest = PushDesign().speeds_m_s
     plan = PushDesign(
         speeds_m_s=(slowest, min(fastest, site.limits.speed_m_s)),
@@ -153,7 +153,7 @@ def chosen_motion(
     return Chosen(motion=probe_motion(data, probe.track, site), text=probe.text, then=then)
 
 
-def _count(push: Push, count: int) -> Push:
+def _resample(push: Push, count: int) -> Push:
     """The same with as many points in each view as discovery simulates."""
 
     def view(seen: ProjectionView) -> ProjectionView:

@@ -62,7 +62,7 @@ def plan(
     from app.jobs import jit_cache, rope_orientation
     from app.planner.search.request import PlanRequest
 
-    where, allowed_for = site or Site(), _check_allowed(model)
+    where, allowed_for = site or Site(), _correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
     x = allowed_for.unseen(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
@@ -84,7 +84,7 @@ def track_orientation(task: str, orientation: Orientation, transition: Transitio
     """The belief after `transition` about which end of the object is the model's first (see `rope_orientation`)."""
     from app.jobs import rope_orientation
 
-    if allowed_for := _check_allowed(model):
+    if allowed_for := _correction_of(model):
         transition = allowed_for.transition(transition)
     return rope_orientation.track_orientation(task, orientation, transition, model)
 
@@ -145,7 +145,7 @@ def _fitted(
     from app.jobs import failures, jit_cache
     from app.sim.model.params import with_orientation
 
-    if allowed_for := _check_allowed(model):
+    if allowed_for := _correction_of(model):
         transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
         way = jit_cache.calibrated_from_recordings if offline else jit_cache.calibrate_model
@@ -221,11 +221,11 @@ def planner_needs(model: Model) -> tuple[str, ...]:
 
 def shown_goal(goal: Points, model: Model) -> Points:
     """The goal (M, 3) [m] in the frame of the cameras: their view of an object that is there."""
-    allowed_for = _check_allowed(model)
+    allowed_for = _correction_of(model)
     return allowed_for.seen(goal) if allowed_for else goal
 
 
-def _check_allowed(model: Model) -> Correction | None:
+def _correction_of(model: Model) -> Correction | None:
     """The model's correction of cameras and arm; None if it has none."""
     if not model.apparatus:
         return None

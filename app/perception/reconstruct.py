@@ -264,11 +264,11 @@ def _views(frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge) 
     postures = known.postures or (None,) * len(frames)
     ordered = sorted(zip(frames, postures, strict=True), key=lambda pair: (pair[0].camera.name, pair[0].time_s))
     before = {frame.camera.name: frame for frame in known.before}
-    rows = [_observe(frame, before.get(frame.camera.name), posture, how, known.arm) for frame, posture in ordered]
+    rows = [_object_views(frame, before.get(frame.camera.name), posture, how, known.arm) for frame, posture in ordered]
     return [list(views) for views in zip(*rows, strict=True)] or [[]]
 
 
-def _observe(
+def _object_views(
     frame: Frame, before: Frame | None, posture: JointState | None, how: Reconstruction, arm: ArmShape | None
 ) -> list[ObjectView]:
     if not how.depth:

@@ -62,7 +62,7 @@ class ScriptedGap:
     def act(self, prepared: None, now: PlanningState) -> ActionDistribution:
         """One push for each candidate."""
         del prepared
-        rod = fit_angle(now.x[..., :2])
+        rod = fit_rods(now.x[..., :2])
         ends = jnp.stack([self._through(rod), self._turned(rod), self._shifted(rod)], axis=1)
         chosen = jnp.where(self._aligned(rod), 0, jnp.where(jnp.abs(rod.heading) > self.straight_rad, 1, 2))
         start, way = jnp.moveaxis(jnp.take_along_axis(ends, chosen[:, None, None, None], axis=1)[:, 0], 1, 0)
@@ -108,7 +108,7 @@ class ScriptedGap:
         return jnp.stack([rod.middle - self.start_gap_m * push, length * push], axis=1)
 
 
-def fit_angle(x: Float[Array, "B N 2"]) -> StraightRods:
+def fit_rods(x: Float[Array, "B N 2"]) -> StraightRods:
     """The straight rods that particles `x` [m] lie along: their principal axes, led towards +x."""
     middle = x.mean(1)
     off = x - middle[:, None]

@@ -172,13 +172,13 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
     def view(time_s: float, points: Points) -> ProjectionView:
         sighting = episode.sightings.get(time_s)
         finger = sighting.tool if sighting is not None and len(sighting.tool) else None
-        return ProjectionView(time_s=time_s, points=_count(points, count, episode.path), finger=finger)
+        return ProjectionView(time_s=time_s, points=_resample(points, count, episode.path), finger=finger)
 
     return Push(
         episode=number,
-        before=view(_time_of_seen_s(before, transition.cause, episode, float(executed.times_s[0])), before),
+        before=view(_observed_at_s(before, transition.cause, episode, float(executed.times_s[0])), before),
         during=tuple(view(seen.time_s, seen.positions) for seen in _during(episode, executed, subject.low_m)),
-        after=view(_time_of_seen_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
+        after=view(_observed_at_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
         command=Track(times_s=executed.times_s, poses=executed.commanded),
         measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
     )
@@ -190,7 +190,7 @@ def _during(episode: _Recorded, executed: Executed, low_m: float) -> list[Partic
     return [seen for seen in episode.particles if len(low) and low[0] < seen.time_s < low[-1]]
 
 
-def _time_of_seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
+def _observed_at_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
     """Time of the observation that a transition was made of; the motion's own time if that is not known."""
     same = [seen for seen in episode.particles if np.array_equal(seen.positions, points)]
     named = [seen for seen in same if seen.id in cause]
@@ -199,7 +199,7 @@ def _time_of_seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Reco
     return min(times, key=lambda time_s: abs(time_s - otherwise_s), default=otherwise_s)
 
 
-def _count(points: Points, count: int, path: Path) -> Points:
+def _resample(points: Points, count: int, path: Path) -> Points:
     try:
         return resample_to(points, count)
     except ValueError as error:

@@ -31,17 +31,19 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, features
 from app.discovery.inference.decide import (
     NAMED,
-    extended,
-    further,
+    further_suspects,
     held_out_gain,
     held_out_gain_of_linear,
     is_sized,
     refitted,
+    with_further,
 )
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
+from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.rows import Residuals
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
 from app.jobs.discovery_subject import subject_of
@@ -131,34 +133,32 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
 def _refit_of(
     predictor: Predictor, trials: SimulationBatch, screening: Screening, suspect: CandidateCause
 ) -> dict[str, Any]:
-    """Evidence of a refitted cause over nothing [nats], gains of left-out episodes, and the same of a further cause."""
+    """Gain of a refitted cause over nothing, and of a further cause beside it where it is likelier than nothing."""
     model = refitted(predictor, trials, screening, suspect)
+    nothing = screening.weighing.log_evidence
     found = {
-        "linear": round(suspect.finding.log_bayes, 2),
-        "log_bayes": round(model.log_evidence - screening.weighing.log_evidence, 2),
-        "held_out": np.round(held_out_gain((screening.data, screening.prior), model), 3).tolist(),
+        **_gain_of(suspect, model, nothing, (screening.data, screening.prior)),
         "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect), 3).tolist(),
         "sized": is_sized(predictor.catalogue, model),
         "trust": model.trust,
     }
-    if model.log_evidence < screening.weighing.log_evidence:
-        return found
-    return {**found, "further": _further_of(predictor, trials, screening, model)}
+    for likeliest in further_suspects(model)[:1] if model.log_evidence >= nothing else ():
+        both = with_further(predictor, trials, screening, model, likeliest)
+        found["further"] = {
+            "cause": likeliest.cause,
+            **_gain_of(likeliest, both, model.log_evidence, (model.data, model.prior)),
+        }
+    return found
 
 
-def _further_of(
-    predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel
+def _gain_of(
+    suspect: CandidateCause, model: RefinedModel, without: float, simpler: tuple[Residuals, Prior]
 ) -> dict[str, Any]:
-    """The likeliest further cause beside one, its evidence over that one [nats], and what left-out episodes gain."""
-    suspects = further(model)[:1]
-    if not suspects:
-        return {}
-    both = extended(predictor, trials, screening, model, suspects[0])
+    """Evidence of a cause by its screening and its refit [nats], and gain of left-out episodes over a simpler model."""
     return {
-        "cause": suspects[0].cause,
-        "linear": round(suspects[0].finding.log_bayes, 2),
-        "log_bayes": round(both.log_evidence - model.log_evidence, 2),
-        "held_out": np.round(held_out_gain((model.data, model.prior), both), 3).tolist(),
+        "linear": round(suspect.finding.log_bayes, 2),
+        "log_bayes": round(model.log_evidence - without, 2),
+        "held_out": np.round(held_out_gain(simpler, model), 3).tolist(),
     }
 
 

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import calibration, features
-from app.discovery.inference.screen import Screening, screen_again
+from app.discovery.inference.screen import Screening, screening_about
 from app.discovery.residuals.forces import force_steps, with_formula
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, steps_of
@@ -40,7 +40,7 @@ def found(hidden: str | None, size: float = 1.0, seed: int = 0) -> Screening:
         episode=np.arange(K) // 6,
         blocks=BLOCKS,
     )
-    return screen_again(KNOWN, SUBJECT.calibrated, KNOWN.nominal(SUBJECT), STEPS, data)
+    return screening_about(KNOWN, SUBJECT.calibrated, KNOWN.nominal(SUBJECT), STEPS, data)
 
 
 def _first(cause: str) -> Step:

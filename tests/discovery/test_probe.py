@@ -22,7 +22,7 @@ from app.discovery.experiments.probe import (
     is_named,
     is_none_left,
     stop_of,
-    weigh_samples,
+    weigh_gains,
 )
 from app.discovery.experiments.probe_pushes import (
     Candidate,
@@ -106,9 +106,9 @@ def test_what_two_causes_share_tells_neither_from_the_other() -> None:
 def test_a_push_that_shows_nothing_gains_nothing_and_one_that_is_made_again_less_each_time() -> None:
     held = belief({"viscous_film": 0.5, "tilt": 0.1}, nothing=0.4)
     none, push = np.zeros((3, 3)), said_by(0.0, 3.0, 0.0)
-    assert weigh_samples(held, gains_of(held, none, none)).sum() == pytest.approx(0.0)
-    first = weigh_samples(held, gains_of(held, none, push)).sum()
-    again = weigh_samples(held, gains_of(held, push, 2 * push)).sum()
+    assert weigh_gains(held, gains_of(held, none, none)).sum() == pytest.approx(0.0)
+    first = weigh_gains(held, gains_of(held, none, push)).sum()
+    again = weigh_gains(held, gains_of(held, push, 2 * push)).sum()
     assert first > 2 * again > 0
 
 
@@ -122,7 +122,7 @@ def test_of_a_film_and_coulomb_friction_the_other_speed_is_chosen_after_a_slow_p
     assert found.track is other.track
     assert found.between == ("viscous_film", NOTHING)
     assert "viscous film from nothing missing" in found.text
-    once = weigh_samples(held, gains_of(held, np.zeros((3, 3)), fast)).sum()
+    once = weigh_gains(held, gains_of(held, np.zeros((3, 3)), fast)).sum()
     assert found.nats > 5 * once
 
 

@@ -10,7 +10,7 @@ from app.core.dialogue.requests import ColourRequest
 from app.core.dialogue.segmentation_message import Seen
 from app.core.errors import DeviceError, ParameterError, PerceptionError, UsageError
 from app.core.messages import fresh_id
-from app.flow.segmentation_settings import Seeing, credible, place, seen
+from app.flow.segmentation_settings import Seeing, credible, require_placed, seen
 from app.perception.mask.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, looked, reconstruct
 from app.recording.format.codec import decode, encode
@@ -77,7 +77,7 @@ def test_particles_that_are_too_many_or_nowhere_are_no_object():
 
 def test_a_frame_of_a_camera_that_stands_nowhere_is_refused():
     frame, *_ = views(random_tube(0))
-    assert place(frame) is frame
+    assert require_placed(frame) is frame
     nowhere = replace(frame.camera, T_world_camera=np.full((4, 4), np.nan))
     with pytest.raises(DeviceError, match="calibrate it again"):
-        place(replace(frame, camera=nowhere))
+        require_placed(replace(frame, camera=nowhere))

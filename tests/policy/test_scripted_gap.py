@@ -8,7 +8,7 @@ import pytest
 from app.core.types import Points
 from app.evaluation.demonstrate import demonstrations
 from app.policy.base import PlanningState
-from app.policy.scripted_gap import fit_angle
+from app.policy.scripted_gap import fit_rods
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube
 
@@ -31,7 +31,7 @@ def pushed(x: Points) -> np.ndarray:
 
 @pytest.mark.parametrize("heading", [-1.2, -0.3, 0.0, 0.5, 1.4])
 def test_a_straight_rod_is_fitted_whatever_its_heading(heading: float) -> None:
-    found = fit_angle(jnp.asarray(rod(0.45, 0.03, heading))[None, :, :2])
+    found = fit_rods(jnp.asarray(rod(0.45, 0.03, heading))[None, :, :2])
     assert float(found.heading[0]) == pytest.approx(heading, abs=0.01)
     np.testing.assert_allclose(found.middle[0], [0.45, 0.03], atol=1e-3)
 

@@ -11,7 +11,7 @@ import pytest
 import warp as wp
 from scipy.spatial import cKDTree
 
-from app.sim.materials.base import deviator, flow_rule
+from app.sim.materials.base import deviator, flow_plastically
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
@@ -471,7 +471,7 @@ def _stretched_and_flowed(F: wp.array[wp.mat33], keep: float, times: int):
         slide = 0.02 * wp.sin(0.1 * float(turn))
         part = wp.mat33(1.0, slide, 0.0, 0.0, 1.0, -slide, 0.0, 0.0, 1.0) * part
         b = part * wp.transpose(part)
-        part = flow_rule(part, deviator(b), wp.trace(b) / 3.0, keep)
+        part = flow_plastically(part, deviator(b), wp.trace(b) / 3.0, keep)
     F[at] = part
 
 

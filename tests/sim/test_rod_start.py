@@ -300,7 +300,7 @@ def test_clouds_of_a_whole_calibration_are_traced_once(monkeypatch: pytest.Monke
         return SimpleNamespace(line=line)
 
     monkeypatch.setattr(state, "trace", noted)
-    monkeypatch.setattr(state, "place_nodes", lambda x, *_: np.ones((2, len(x)), np.float32))
+    monkeypatch.setattr(state, "locate_particles", lambda x, *_: np.ones((2, len(x)), np.float32))
     clouds = np.random.default_rng(0).random((400, 12, 3)).astype(np.float32)
     for _ in range(2):
         RodState.at_rest(jnp.asarray(clouds), ROPE.count, ROPE.rest_m, R)

@@ -13,7 +13,7 @@ from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import RopeMaterial
 from app.sim.model.params import PARAMETERS, index, with_stiffness_up_to
 from app.sim.model.scene import Body, Scene
-from app.sim.runtime.directions import direct
+from app.sim.runtime.directions import find_directions
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks.rope_push import TASK
@@ -112,7 +112,7 @@ def arc(radius_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("radius_m", [0.05, 0.2])
 def test_the_direction_of_a_bent_rope_and_the_offset_from_its_middle_are_seen(radius_m: float):
     x, angle, out = arc(radius_m)
-    label = np.asarray(direct(made_of(ROPE), Setting.unknown(1, 300), jnp.asarray(x)[None]).label[0])
+    label = np.asarray(find_directions(made_of(ROPE), Setting.unknown(1, 300), jnp.asarray(x)[None]).label[0])
     inner = np.abs(angle * radius_m) < 0.13
     tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     agreement = np.abs((label[:, 2:] * tangent).sum(1))[inner]
@@ -124,6 +124,6 @@ def test_the_direction_of_a_bent_rope_and_the_offset_from_its_middle_are_seen(ra
 def test_what_is_known_of_directions_is_kept_and_what_needs_none_is_left_alone():
     known = Setting.unknown(1, PARTICLES)._replace(label=jnp.full((1, PARTICLES, 4), 0.5))
     x = jnp.asarray(rope())[None]
-    assert np.array_equal(direct(made_of(ROPE), known, x).label, known.label)
+    assert np.array_equal(find_directions(made_of(ROPE), known, x).label, known.label)
     unknown = Setting.unknown(1, PARTICLES)
-    assert direct(SCENE, unknown, x) is unknown
+    assert find_directions(SCENE, unknown, x) is unknown

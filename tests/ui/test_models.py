@@ -34,22 +34,22 @@ def version(number: int, stiffness: float, *, spread: float = 0.2) -> Model:
 
 def test_what_was_estimated_in_any_version_is_told_and_what_changed():
     first, second = version(0, 2e4, spread=0.0), version(1, 3e4)
-    assert models.text_of((first, second)) == ("stiffness",)
+    assert models.notable_parameters((first, second)) == ("stiffness",)
     moved = replace(
         second,
         parameters=(*second.parameters[:2], Parameter(name="adhesion", value=5.0, unit="Pa", low=5.0, high=5.0)),
     )
-    assert models.text_of((first, moved)) == ("stiffness", "adhesion")
+    assert models.notable_parameters((first, moved)) == ("stiffness", "adhesion")
 
 
 def test_where_nothing_was_estimated_what_is_not_zero_is_told():
-    assert models.text_of((version(0, 2e4, spread=0.0),)) == ("stiffness", "table_friction")
-    assert models.text_of(()) == ()
+    assert models.notable_parameters((version(0, 2e4, spread=0.0),)) == ("stiffness", "table_friction")
+    assert models.notable_parameters(()) == ()
 
 
 def test_the_table_has_value_unit_interval_and_the_change_since_the_version_before():
     board = board_after(version(1, 2e4), version(2, 3e4))
-    html = models.parameters(board, rows=models.text_of(board.models))
+    html = models.parameters(board, rows=models.notable_parameters(board.models))
     assert "3e+04 Pa" in html
     assert "+50 %" in html
     assert "2.4e+04 to 3.6e+04" in html

@@ -107,10 +107,10 @@ def test_a_thinned_mask_is_spread_over_its_image(shape: tuple[int, int, int]):
     step = overlays.stride(shape[1])
     mask = np.zeros(shape[:2], bool)
     mask[100:140, 60:90] = True
-    spread = overlays.fit_frame(mask[::step, ::step], shape)
+    spread = overlays.enlarge_mask(mask[::step, ::step], shape)
     assert spread.shape == shape[:2]
     assert (spread == mask).mean() > 0.999
-    assert not overlays.fit_frame(np.ones((2, 4), bool), (480, 640, 3)).any()
+    assert not overlays.enlarge_mask(np.ones((2, 4), bool), (480, 640, 3)).any()
 
 
 def test_a_camera_s_readings_lie_where_they_are_seen():

@@ -13,7 +13,7 @@ from rich.progress import Progress, TaskID, TimeRemainingColumn
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
-from app.recording.format.names import number_file
+from app.recording.format.names import numbered_names
 from app.recording.library.recording_index import Entry, shelf
 from app.recording.read.clouds import What, write_npz, write_ply
 
@@ -91,7 +91,7 @@ def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: 
     """Arrays or clouds of each recording; returns what was written, in words. One that has none is left out."""
     counts, taken = list[int](), set[str]()
     for path in paths:
-        stem = next(name for name in number_file(path.stem) if name not in taken)
+        stem = next(name for name in numbered_names(path.stem) if name not in taken)
         try:
             count = write_npz(path, folder / f"{stem}.npz") if to == "npz" else write_ply(path, folder / stem, what)
         except RecordingError as error:

@@ -23,7 +23,7 @@ def chamfer_of_pairs_m2(x: Float[Array, "*#batch N 3"], y: Float[Array, "*#batch
 @jax.custom_vjp
 def _chamfer_m2(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> Float[Array, "*batch"]:
     # Rows of pairs are made and reduced at once, for either direction; a column would have to go through memory.
-    return _squared_norm(x, y).min(-1).mean(-1) + _squared_norm(y, x).min(-1).mean(-1)
+    return _squared_distances(x, y).min(-1).mean(-1) + _squared_distances(y, x).min(-1).mean(-1)
 
 
 def _forward(
@@ -51,13 +51,13 @@ def _nearest(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> In
 
     Two minima, of distances and of indices, are vectorised, where one of pairs (`argmin`) takes seven times as long.
     """
-    squared = _squared_norm(x, y)
+    squared = _squared_distances(x, y)
     least = jax.lax.optimization_barrier(squared.min(-1, keepdims=True))
     within = squared <= least * (1 + _ROUNDED * jnp.finfo(squared.dtype).eps)
     return jnp.where(within, jnp.arange(y.shape[-2], dtype=squared.dtype), jnp.inf).min(-1).astype(int)
 
 
-def _squared_norm(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> Float[Array, "*batch N M"]:
+def _squared_distances(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> Float[Array, "*batch N M"]:
     """Squared distances of all pairs [m^2], axis by axis: a sum over an axis of three is not vectorised."""
     # Without the barrier, what makes a point is made again for every pair that it is in.
     x, y = jax.lax.optimization_barrier((x, y))

@@ -44,7 +44,7 @@ def next_push(
     if len(models) < 2:  # A single model has no rival.
         return None
     last = trials.study.pushes[-1].after
-    asked = _ask(predictor, trials.study, last, _CANDIDATES[platform], height_m, seed)
+    asked = _possible_pushes(predictor, trials.study, last, _CANDIDATES[platform], height_m, seed)
     ends = predictor(prepare(asked, predictor.subject), [theta for _, theta in models.values()]).after
     apart = _apart(ends, [probability for probability, _ in models.values()])
     if not np.isfinite(apart).any():  # No push that every model survives.
@@ -65,7 +65,9 @@ def next_push(
     )
 
 
-def _ask(predictor: Predictor, study: Study, last: ProjectionView, count: int, height_m: float, seed: int) -> Study:
+def _possible_pushes(
+    predictor: Predictor, study: Study, last: ProjectionView, count: int, height_m: float, seed: int
+) -> Study:
     """Pushes that might be made from where the object is now."""
     rng, start_s = np.random.default_rng(seed), last.time_s + _PAUSE_S
     before, plan = replace(last, time_s=start_s), PushDesign()

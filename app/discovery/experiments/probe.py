@@ -115,7 +115,7 @@ def first_belief(subject: Subject) -> Belief:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def update_belief(study: Study, subject: Subject) -> Belief:
+def belief_of_study(study: Study, subject: Subject) -> Belief:
     """Belief from the pushes of a study, by the refit and the screening of `dipac discover`; takes up to a minute."""
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
@@ -159,7 +159,7 @@ def gains_of(
     return (_log_volumes(belief, before) - _log_volumes(belief, after)) / 2
 
 
-def weigh_samples(belief: Belief, gains: Float64[np.ndarray, "C C"]) -> Float64[np.ndarray, "C C"]:
+def weigh_gains(belief: Belief, gains: Float64[np.ndarray, "C C"]) -> Float64[np.ndarray, "C C"]:
     """Gains by how probable both rivals are."""
     shares = np.array([share for _, share in belief.rivals.values()])
     return gains * np.outer(shares, shares)

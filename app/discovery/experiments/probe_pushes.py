@@ -19,7 +19,7 @@ from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.next_push import push_words
-from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weigh_samples
+from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weigh_gains
 from app.discovery.inference.mixed_effects import information_of
 from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import residuals
@@ -118,7 +118,7 @@ def best_of(
     height_m: float,
 ) -> Probe:
     """The candidate that is expected to say most beyond what pending pushes will."""
-    gains = [weigh_samples(belief, gains_of(belief, belief.pending, belief.pending + own)) for own in information]
+    gains = [weigh_gains(belief, gains_of(belief, belief.pending, belief.pending + own)) for own in information]
     best = int(np.argmax([gain.sum() for gain in gains]))
     between, nats = _told_apart(list(belief.rivals), gains[best]), float(gains[best].sum())
     candidate = candidates[best]

@@ -226,9 +226,9 @@ def _extended(
     starts = {model.causes[0]: model.estimate for model in singles}
     while len(best.causes) < _MOST:
         found = list[RefinedModel]()
-        for suspect in further(best)[:_ASKED]:
+        for suspect in further_suspects(best)[:_ASKED]:
             said(f"adding {suspect.cause} to {', '.join(best.causes)}")
-            found.append(extended(predictor, trials, screening, best, suspect, starts.get(suspect.cause)))
+            found.append(with_further(predictor, trials, screening, best, suspect, starts.get(suspect.cause)))
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
@@ -239,7 +239,7 @@ def _extended(
     return best
 
 
-def extended(
+def with_further(
     predictor: Predictor,
     trials: SimulationBatch,
     screening: Screening,
@@ -261,7 +261,7 @@ def _without_needless(model: RefinedModel, simpler: Sequence[RefinedModel]) -> R
     return model
 
 
-def further(model: RefinedModel) -> list[CandidateCause]:
+def further_suspects(model: RefinedModel) -> list[CandidateCause]:
     """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
     groups = hypotheses_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))

@@ -107,10 +107,10 @@ def screen(
         steps += force_steps(catalogue)
     data = residuals(predictor, trials, about, steps)
     costs = {cause: found.cost for cause, found in located.items()}
-    return screen_again(catalogue, calibrated, about, steps, data, costs)
+    return screening_about(catalogue, calibrated, about, steps, data, costs)
 
 
-def screen_again(
+def screening_about(
     catalogue: Catalogue,
     calibrated: Sequence[str],
     about: Theta,

@@ -65,7 +65,7 @@ def glance(
     """
     moved_m = float(np.linalg.norm(predicted.astype(np.float64) - planned, axis=1).mean())
     noise_m = drift(planned, before)
-    ahead, strayed_m, late_s = _follow(executed)
+    ahead, strayed_m, late_s = _tracking_error(executed)
     middle = after[:, :2].mean(0, dtype=np.float64)
     return Glance(
         error_m=drift(predicted, after),
@@ -84,7 +84,7 @@ def _expected_m(moved_m: float, noise_m: float, share: float) -> float:
     return max(math.hypot(noise_m, share * moved_m), _LEAST_M)
 
 
-def _follow(executed: Executed) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
+def _tracking_error(executed: Executed) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     """The push's direction, the offset of the log's end, and its delay; none if there is no log."""
     told = Track(times_s=executed.times_s, poses=executed.commanded)
     low = _low(told.positions)

@@ -63,12 +63,12 @@ def steps_of(catalogue: Catalogue, calibrated: Sequence[str], places: Places) ->
     """A step for each parameter that makes a cause, nuisances first; of a cause with a place one for each of them."""
     steps = [Step(cause=name, column=catalogue.column(name), size=_NUISANCE_STEP, sides=2) for name in calibrated]
     for cause in catalogue.causes:
-        for given in _requested(catalogue, cause, places.get(cause.name, _NOWHERE)):
+        for given in _trial_values(catalogue, cause, places.get(cause.name, _NOWHERE)):
             steps += [switch_of(catalogue, cause, column, given) for column in cause.columns[: cause.switches]]
     return steps
 
 
-def _requested(
+def _trial_values(
     catalogue: Catalogue, cause: Cause, places: Float64[np.ndarray, "S 2"]
 ) -> list[tuple[tuple[int, float], ...]]:
     """Places, times or shapes at which a cause is asked about: values of the parameters that do not make it vanish."""
@@ -169,7 +169,7 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     usual = change_of(catalogue, about, step)
     at_null = about[step.column] == catalogue.specs[step.column].nominal
     if (
-        step.column not in _encoder_rows(catalogue)
+        step.column not in _encoder_columns(catalogue)
         or not at_null
         or any(push.measured is None for push in trials.study.pushes)
     ):
@@ -184,7 +184,7 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     return Change(end, here, far) if far > 0 else Change(here, end, -far)
 
 
-def _encoder_rows(catalogue: Catalogue) -> frozenset[int]:
+def _encoder_columns(catalogue: Catalogue) -> frozenset[int]:
     """Columns of errors that the arm itself measures."""
     return frozenset(
         first + number
@@ -213,7 +213,7 @@ def _simulate(
 ) -> tuple[PushParticles, list[tuple[PushParticles, PushParticles]]]:
     """The model's own predictions, and those of both ends of every change. NaN where nothing changes."""
     thetas, where = [about], [np.ones(len(trials), bool)]
-    at, felt = dict[tuple[int, int], int](), _force_rows(predictor.catalogue, trials)
+    at, felt = dict[tuple[int, int], int](), _effective_columns(predictor.catalogue, trials)
     for number, (step, change) in enumerate(zip(steps, changes, strict=True)):
         if _is_compiled(predictor, step):
             continue
@@ -266,7 +266,7 @@ def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray,
     return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
 
 
-def _force_rows(catalogue: Catalogue, trials: SimulationBatch) -> Bool[np.ndarray, " P"]:
+def _effective_columns(catalogue: Catalogue, trials: SimulationBatch) -> Bool[np.ndarray, " P"]:
     """Mask of the parameters that can change a prediction: not those of the arm that its own log contains."""
     felt = np.ones(len(catalogue.specs), bool)
     if all(push.measured is not None for push in trials.study.pushes):

@@ -165,7 +165,7 @@ def sentences_of(
     if verdict == "none":
         return _nothing(probabilities)
     if verdict == "none_of_these":
-        return _unnamed_of(left, formula, gain_text)
+        return _sentences_on_force(left, formula, gain_text)
     more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
@@ -198,7 +198,7 @@ def _one_of(causes: Sequence[CauseResult]) -> str:
     return " or ".join([*few, *more])
 
 
-def _unnamed_of(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
+def _sentences_on_force(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
     first = f"Something acts that no known cause explains, with a probability of {left:.0%}."
     if formula is None:
         return (first, "No force that was tried predicts pushes that it was not fitted to: the model is left as it is.")

@@ -43,7 +43,7 @@ def film(
     """
     if search.part is None:
         return RolloutFrames(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))
-    frames, tools = jax.device_get(_record(search, phi, now, jnp.asarray(actions)))
+    frames, tools = jax.device_get(_frames_of(search, phi, now, jnp.asarray(actions)))
     return RolloutFrames(np.concatenate([frames[:, :-1], thin_out(np.asarray(final))[:, None]], axis=1), tools)
 
 
@@ -52,7 +52,7 @@ def compile_film(
 ) -> None:
     """Compile what `film` will use."""
     if search.part is not None:
-        _record.lower(search, phi, now, actions).compile()
+        _frames_of.lower(search, phi, now, actions).compile()
 
 
 def thin_out(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes K 3"]:
@@ -61,7 +61,7 @@ def thin_out(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes 
 
 
 @partial(jax.jit, static_argnums=0)
-def _record(
+def _frames_of(
     search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
 ) -> tuple[Float[Array, "B F K 3"], Float[Array, "B F 3"]]:
     """Action by action, and each of them piece by piece."""

@@ -13,7 +13,7 @@ from app.policy.learned.sight import PolicyObservation
 _GROUPS = 8
 
 
-def apply_mask(network: nn.Module, params: Params, *inputs: Any, method: str | None = None) -> Any:
+def apply_network(network: nn.Module, params: Params, *inputs: Any, method: str | None = None) -> Any:
     """Output of a network, or of one of its methods, for these parameters and inputs."""
     return network.apply({"params": params}, *inputs, method=method)
 

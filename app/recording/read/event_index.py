@@ -29,12 +29,12 @@ class Mark:
 
 def marks_of(times: Times, history: Sequence[Logged], first_ns: int) -> Iterator[Mark]:
     """The marks of a recording in order, from the log times of its channels and its short messages."""
-    found = [*_count(times), *_said(history)]
+    found = [*_numbered_marks(times), *_said(history)]
     for time_ns, kind, text in sorted(found, key=lambda mark: mark[0]):
         yield Mark(time_s=(time_ns - first_ns) / _NS, kind=kind, text=text)
 
 
-def _count(times: Times) -> Iterator[tuple[int, MarkKind, str]]:
+def _numbered_marks(times: Times) -> Iterator[tuple[int, MarkKind, str]]:
     plans, leaves, ends, sights = (times.get(TOPICS[kind], ()) for kind in (Proposal, Approved, Executed, Transition))
     for number, time_ns in enumerate(plans, start=1):
         yield time_ns, "plan", f"plan {number}"

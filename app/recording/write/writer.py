@@ -20,7 +20,7 @@ from app.core.messages import Episode, Message
 from app.recording.format import digests
 from app.recording.format.channels import topic_of
 from app.recording.format.clock_offset import Epoch
-from app.recording.format.names import number_file
+from app.recording.format.names import numbered_names
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder
 
@@ -213,7 +213,7 @@ def start(folder: Path, episode: Episode, room: Room, *, part: str = "", epoch: 
 
 def unused_path(folder: Path, stem: str) -> Path:
     """An unused path in `folder`, also for a second episode within one second."""
-    return next(path for name in number_file(stem) if not (path := folder / f"{name}.mcap").exists())
+    return next(path for name in numbered_names(stem) if not (path := folder / f"{name}.mcap").exists())
 
 
 def _plain(task: str) -> str:

@@ -16,7 +16,7 @@ from app.core.messages import ArmMode
 from app.core.rejection_codes import Refusal
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
-from app.rig.kinova.client.clients import DEFAULT, open_link
+from app.rig.kinova.client.clients import DEFAULT, link_by
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.command_handle import CommandHandle
 from app.rig.kinova.driver import Driver
@@ -56,7 +56,7 @@ def taken(
     `joints_of`: joint angles to report, where a different arm is drawn; `holds`: the end effector that the arm must be
     configured for.
     """
-    driver = Driver(Kortex(open_link(address, client)), site, holds)
+    driver = Driver(Kortex(link_by(address, client)), site, holds)
     driver.open()
     return KinovaControl(driver, site, joints_of, blind_s=address.stops_after_s)
 

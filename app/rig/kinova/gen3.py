@@ -127,7 +127,7 @@ def nearer(joints: Joints, target: Transform, *, centring: float = 0.0) -> Joint
     return np.clip(moved, -RANGE, RANGE)
 
 
-def solve_pose(target: Transform, guess: Joints, *, steps: int = 120, within_m: float = 5e-4) -> Joints | None:
+def solve_joints(target: Transform, guess: Joints, *, steps: int = 120, within_m: float = 5e-4) -> Joints | None:
     """Joints near `guess` whose tool is at `target` to `within_m` [m and rad]; None where none are found."""
     joints = guess
     for step in range(steps):

@@ -8,7 +8,7 @@ from app.config import Limits
 from app.core.errors import DeviceError
 from app.rig.kinova.api.errors import NoAnswer
 from app.rig.kinova.arm_configuration_check import Holds, check
-from app.rig.kinova.client.clients import open_link
+from app.rig.kinova.client.clients import link_by
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.feedback_conversion import ArmFeedback, seen
 from app.rig.kinova.kortex import Kortex
@@ -24,7 +24,7 @@ def look_at(address: Address, client: str, holds: Holds) -> str:
     Raises DeviceError, which gives the remedy, where none answers, it is not configured for what it `holds`, or it is
     in fault; UsageError where there is no such client, and PreflightError where that is not installed.
     """
-    kortex = Kortex(open_link(replace(address, stops_after_s=_PATIENT_S), client))
+    kortex = Kortex(link_by(replace(address, stops_after_s=_PATIENT_S), client))
     try:
         kortex.open()
         check(kortex, holds)

@@ -19,7 +19,7 @@ from app.sim.diagnosis.faults import KEPT, FailureDiagnosis, SimulationFault
 from app.sim.rods.checks import ROWS, RodSetup, out_of_domain, require_rod_inputs, require_rod_shapes
 from app.sim.rods.domain import ROOM_M, are_whole, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
-from app.sim.rods.energy import energies, energy_gained, near_strands
+from app.sim.rods.energy import energies, has_gained_energy, near_strands
 from app.sim.rods.geometry.verdict import crossings
 from app.sim.rods.rollout import RodPhysics, make_rod_trace
 from app.sim.rods.state import RodState
@@ -213,7 +213,7 @@ def _view(case: RodCase) -> _View:
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
     energy_j = energies(case.setup.scene, fields, float(springback), nodes)
     half = np.asarray(case.physics.finger_half_m[0], np.float32)
-    gains = energy_gained(case.setup.scene, case.setup.effects, nodes, finger[:count], half, energy_j)
+    gains = has_gained_energy(case.setup.scene, case.setup.effects, nodes, finger[:count], half, energy_j)
     tips, pressed_m = case.tool[0, :count], 0.0
     if count:
         gap = distances_m(*map(jnp.asarray, (nodes[:1, :2], tips[:1, :2], case.physics.finger_half_m))).min()

@@ -64,7 +64,7 @@ def lame_of(poisson: float) -> tuple[float, float]:
 
 
 @wp.func
-def strain(C: wp.mat33, F: wp.mat33, dt: float) -> wp.mat33:
+def deform(C: wp.mat33, F: wp.mat33, dt: float) -> wp.mat33:
     """F after a substep: (I + dt C) F."""
     return F + dt * (C * F)
 
@@ -90,7 +90,7 @@ def norm(a: wp.mat33) -> float:
 
 
 @wp.func
-def flow_rule(F: wp.mat33, D: wp.mat33, mean: float, keep: float) -> wp.mat33:
+def flow_plastically(F: wp.mat33, D: wp.mat33, mean: float, keep: float) -> wp.mat33:
     """F after plastic flow that keeps the share `keep` of the deviator D of F F^T, whose trace is 3 `mean`.
 
     Radial return (Simo and Hughes 1998, box 9.1) to first order in the step, F <- (I - (1 - keep) / (2 mean) D) F, so
@@ -116,6 +116,6 @@ def relaxation(hooks: Hooks) -> WarpFunction:
         place = grain
         place.stress = mu * norm(D)
         keep = kept(1.0 / wp.max(1.0, place.stress * softness), place, phi)
-        return flow_rule(F, D, wp.trace(b) / 3.0, keep)
+        return flow_plastically(F, D, wp.trace(b) / 3.0, keep)
 
     return relaxed

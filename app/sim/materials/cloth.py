@@ -16,7 +16,7 @@ import warp as wp
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
 from app.sim.effects.base import ParticleContext, WarpFunction
-from app.sim.materials.base import Law, strain
+from app.sim.materials.base import Law, deform
 
 
 def _make(hooks: Hooks) -> WarpFunction:
@@ -26,7 +26,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     def cloth(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, _phi: Any):
         mu = E * m.mu_per_stiffness
         lam = E * m.lam_per_stiffness
-        grown = strain(C, F, grain.dt)
+        grown = deform(C, F, grain.dt)
         warp = wp.vec3(grown[0, 0], grown[1, 0], grown[2, 0])
         weft = wp.vec3(grown[0, 1], grown[1, 1], grown[2, 1])
         along = 0.5 * (wp.dot(warp, warp) - 1.0)

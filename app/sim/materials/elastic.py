@@ -11,7 +11,7 @@ import warp as wp
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
 from app.sim.effects.base import ParticleContext, WarpFunction
-from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strain
+from app.sim.materials.base import Law, deform, kirchhoff_stress, lame_of, relaxation
 
 
 def _make(hooks: Hooks) -> WarpFunction:
@@ -20,7 +20,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     @wp.func
     def elastic(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
-        F_next = strain(C, F, grain.dt)
+        F_next = deform(C, F, grain.dt)
         if flows(grain, phi):
             F_next = relaxed(F_next, mu, 0.0, grain, phi)
         return kirchhoff_stress(rest(F_next, grain, phi), mu, E * m.lam_per_stiffness), F_next

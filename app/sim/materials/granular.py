@@ -21,7 +21,7 @@ import warp as wp
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
 from app.sim.effects.base import ParticleContext, WarpFunction
-from app.sim.materials.base import LEAST_VOLUME, Law, deviator, flow_rule, lame_of, norm, strain
+from app.sim.materials.base import LEAST_VOLUME, Law, deform, deviator, flow_plastically, lame_of, norm
 
 LOOSE = wp.constant(1.16)
 """Relative volume beyond which grains forget how far they are apart: dense random packing of spheres holds 0.64 of
@@ -35,7 +35,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     def granular(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
         bulk = E * m.lam_per_stiffness + 2.0 / 3.0 * mu
-        tried = strain(C, F, grain.dt)
+        tried = deform(C, F, grain.dt)
         J = wp.max(wp.determinant(tried), LEAST_VOLUME)
         b = tried * wp.transpose(tried)
         D = deviator(b)
@@ -46,7 +46,7 @@ def _make(hooks: Hooks) -> WarpFunction:
         # Of equal arguments, Warp gives the derivative to the second: without cohesion, grains apart have none.
         pressure = wp.max(-strength, -bulk * wp.log(J))
         bears = m.own[0] * wp.max(pressure, 0.0) + strength
-        F_next = flow_rule(tried, D, mean, kept(wp.min(1.0, bears / place.stress), place, phi))
+        F_next = flow_plastically(tried, D, mean, kept(wp.min(1.0, bears / place.stress), place, phi))
         F_next = wp.pow(wp.min(1.0, LOOSE / J), 1.0 / 3.0) * F_next
         tau = mu * deviator(F_next * wp.transpose(F_next)) - pressure * wp.identity(n=3, dtype=float)
         return tau, F_next

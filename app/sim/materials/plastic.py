@@ -12,7 +12,7 @@ import warp as wp
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
 from app.sim.effects.base import ParticleContext, WarpFunction
-from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strain
+from app.sim.materials.base import Law, deform, kirchhoff_stress, lame_of, relaxation
 
 
 def _make(hooks: Hooks) -> WarpFunction:
@@ -21,7 +21,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     @wp.func
     def plastic(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: ParticleContext, phi: Any):
         mu = E * m.mu_per_stiffness
-        F_next = relaxed(strain(C, F, grain.dt), mu, m.own[0], grain, phi)
+        F_next = relaxed(deform(C, F, grain.dt), mu, m.own[0], grain, phi)
         return kirchhoff_stress(rest(F_next, grain, phi), mu, E * m.lam_per_stiffness), F_next
 
     return plastic

@@ -20,7 +20,7 @@ import warp as wp
 from app.sim.constants import Matter
 from app.sim.effect_composition import Hooks
 from app.sim.effects.base import ParticleContext, WarpFunction
-from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strain
+from app.sim.materials.base import Law, deform, kirchhoff_stress, lame_of, relaxation
 
 _LEAST = wp.constant(1.0e-6)
 """Regularisation of a fibre's length: without fibres (direction unknown, 0) the law must not give NaN."""
@@ -35,7 +35,7 @@ def _make(hooks: Hooks) -> WarpFunction:
         along = wp.vec3(grain.label[2], grain.label[3], 0.0)
         out = grain.label[1] / m.own[1]
         core = wp.exp(-out * out)
-        F_next = strain(C, F, grain.dt)
+        F_next = deform(C, F, grain.dt)
         stretched = wp.length(F_next * along)
         F_next = relaxed(F_next, mu, m.own[2] / E, grain, phi)
         fibre = F_next * along

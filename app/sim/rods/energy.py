@@ -40,7 +40,7 @@ def energies(
     return moving + stretched + bent + held
 
 
-def energy_gained(
+def has_gained_energy(
     scene: RodScene,
     effects: Sequence[Effect],
     nodes: Float32[np.ndarray, "K 8 n"],

@@ -11,7 +11,7 @@ _BRISTLES, _BENDS = slice(4, 6), 7
 """Rows of `RodState.nodes`."""
 
 
-def equilibrium_of(
+def balance_bristles(
     scene: RodScene, nodes: Float[jax.Array, "B 8 n"], properties: RodProperties, bristle_n_m: float
 ) -> Float[jax.Array, "B 8 n"]:
     """The same states, those of which no bristle is strained with bristles of the stiffness `bristle_n_m` [N/m].

@@ -13,7 +13,7 @@ from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.domain import is_in_domain
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
-from app.sim.rods.equilibrium import equilibrium_of
+from app.sim.rods.equilibrium import balance_bristles
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
 from app.sim.rods.operations import RodOperations, make_rod_operations
@@ -236,7 +236,7 @@ def _inputs(
     walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
     numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
     traits = jnp.concatenate(numbers, axis=1)
-    start = equilibrium_of(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
+    start = balance_bristles(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
     return start, _fields(scene, properties), traits, _fingers(scene, physics, tool)
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.rods.geometry.centreline import SMOOTHING, place_nodes, radius_of, trace
+from app.sim.rods.geometry.centreline import SMOOTHING, locate_particles, radius_of, trace
 from app.sim.rods.geometry.rope_cloud import RopeShape
 from app.sim.rods.scene import RodScene
 
@@ -230,4 +230,4 @@ def _label(cloud: bytes, count: int, rest_m: float, radius_m: float | None, near
     if not np.isfinite(x).all():
         return np.ones((2, len(x)), np.float32)
     rope = RopeShape(count=count, rest_m=rest_m, radius_m=radius_m or radius_of(x, rest_m))
-    return np.stack(place_nodes(x, trace(x, rope, prior if len(prior) else None).line, rope))
+    return np.stack(locate_particles(x, trace(x, rope, prior if len(prior) else None).line, rope))

@@ -15,7 +15,7 @@ _TOGETHER = 8
 """Candidates at once: the distances of all pairs take memory."""
 
 
-def direct(scene: Scene, setting: Setting, x: Float[jax.Array, "B N 3"]) -> Setting:
+def find_directions(scene: Scene, setting: Setting, x: Float[jax.Array, "B N 3"]) -> Setting:
     """The setting with offset and direction of particles whose direction is unknown (0), where a material needs it."""
     if not any(body.material.law.directed for body in scene.bodies):
         return setting

@@ -14,7 +14,7 @@ from app.sim.model.catalogue import EFFECTS
 from app.sim.model.scene import Scene
 from app.sim.mpm.simd_layout import unpack
 from app.sim.runtime.checks import Setup, require_counts, require_shapes
-from app.sim.runtime.directions import direct
+from app.sim.runtime.directions import find_directions
 from app.sim.runtime.launch import make_operations
 from app.sim.runtime.order import morton_order, reorder
 from app.sim.runtime.schedule import Schedule, schedule_for
@@ -102,7 +102,7 @@ def make_rollout(
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
         require_shapes(phi, state, tool, known, sizes)
         phi, state, tool, known = jax.tree.map(as_float32, (phi, state, tool, known))
-        known = direct(scene, known, state.x)
+        known = find_directions(scene, known, state.x)
         if not launched.sorts:
             return rollout(phi, state, tool, known)
         order = jax.lax.stop_gradient(morton_order(state.x, scene.cell_m, counts))

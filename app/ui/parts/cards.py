@@ -179,7 +179,7 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
     mode = toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
     yield "Arm, longest period", f"{mode}, {toned(words.duration(seen.arm_period_s), late, False)}"
     yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
-    for parameter in filter(_text_of, (*model.parameters, *model.apparatus) if model else ()):
+    for parameter in filter(_is_informative, (*model.parameters, *model.apparatus) if model else ()):
         yield f"· {escape(parameter.name.replace('_', ' '))}", _parameter(parameter)
     drops = sum(seen.drops.values())
     listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())
@@ -189,7 +189,7 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
     yield "Disk free", toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
 
 
-def _text_of(parameter: Parameter) -> bool:
+def _is_informative(parameter: Parameter) -> bool:
     """True for an informative parameter: most effects of the simulator are at zero in most models."""
     return parameter.value != 0 or parameter.low < parameter.high
 

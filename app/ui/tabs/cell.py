@@ -87,13 +87,13 @@ class _Painted(NamedTuple):
         if self.mask is None:
             return image
         step = overlays.stride(self.mask.shape[1])
-        return overlays.tint(image, overlays.fit_frame(self.mask[::step, ::step], image.shape), self.ink)
+        return overlays.tint(image, overlays.enlarge_mask(self.mask[::step, ::step], image.shape), self.ink)
 
     def whole(self) -> ColourImage:
         """The image with all its pixels."""
         if self.mask is None:
             return self.image
-        return overlays.tint(self.image, overlays.fit_frame(self.mask, self.image.shape), self.ink)
+        return overlays.tint(self.image, overlays.enlarge_mask(self.mask, self.image.shape), self.ink)
 
 
 @final

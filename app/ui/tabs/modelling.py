@@ -47,7 +47,7 @@ class ModelTab:
         last, self._last = self._last, board
         self._summary.put(models.summary(board))
         if board.models is not last.models:
-            self._parameters.put(models.parameters(board, rows=models.text_of(board.models)))
+            self._parameters.put(models.parameters(board, rows=models.notable_parameters(board.models)))
         if (board.made, board.watched, board.outcomes) != (last.made, last.watched, last.outcomes):
             self._motion.put(models.last_motion(board))
         self._versions.paint(board)
@@ -158,12 +158,12 @@ class Course:
                 versions, losses = zip(*board.losses, strict=True)
                 self._loss.data = (np.array(versions, float), np.array([words.millimetres(loss) for loss in losses]))
             self._loss.visible = bool(board.losses)
-        if board.models is not last.models and (names := models.text_of(board.models)):
+        if board.models is not last.models and (names := models.notable_parameters(board.models)):
             self._name.options = tuple(map(models.spelt, names))
             self._name.visible = self._value.visible = True
         if board.models and (board.models, self._name.value) != self._drawn:
             self._drawn = board.models, self._name.value
-            named = {models.spelt(name): name for name in models.text_of(board.models)}
+            named = {models.spelt(name): name for name in models.notable_parameters(board.models)}
             if self._name.value in named:
                 self._value.data = course(board.models, named[self._name.value])
 

@@ -48,7 +48,7 @@ def _parameter_rows(model: Model, before: Model | None, names: Sequence[str]) ->
             yield spelt(name), f"{_value(now)}{f' <em>{changed}</em>' if changed else ''}{_interval(now)}"
 
 
-def text_of(models: Sequence[Model]) -> tuple[str, ...]:
+def notable_parameters(models: Sequence[Model]) -> tuple[str, ...]:
     """Names of the parameters estimated or changed in any of these models; else of those that are not zero."""
     entries = [(each, model) for model in models for each in (*model.parameters, *model.apparatus)]
     names = tuple(dict.fromkeys(each.name for each, _ in entries))
@@ -65,7 +65,7 @@ def parameter(model: Model, name: str) -> Parameter | None:
 
 def compare(one: Model, other: Model) -> str:
     """Both versions side by side: values, the change in per cent, and the overlap of their intervals."""
-    names = text_of((one, other))
+    names = notable_parameters((one, other))
     head = f"<tr><td></td><td>version {one.version}</td><td>version {other.version}</td><td></td></tr>"
     rows = "".join(_compared_row(name, parameter(one, name), parameter(other, name)) for name in names)
     losses = (

@@ -37,7 +37,7 @@ def stride(width: int) -> int:
     return max(width // PICTURE_WIDTH, 1)
 
 
-def fit_frame(mask: Bool[np.ndarray, "rows columns"], shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
+def enlarge_mask(mask: Bool[np.ndarray, "rows columns"], shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
     """A mask, possibly thinned, enlarged to an image of this shape; empty where it is of another."""
     height, width = shape[:2]
     step = max(-(-width // max(mask.shape[1], 1)), 1)

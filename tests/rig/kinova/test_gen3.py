@@ -77,7 +77,7 @@ def test_the_inverse_finds_what_the_forward_says_from_a_guess_nearby() -> None:
     for _ in range(20):
         joints = np.clip(anywhere(), -2.0, 2.0)
         target = gen3.tool(joints)
-        found = gen3.solve_pose(target, joints + RNG.uniform(-0.2, 0.2, 7))
+        found = gen3.solve_joints(target, joints + RNG.uniform(-0.2, 0.2, 7))
         assert found is not None
         assert np.abs(gen3.tool(found) - target).max() < 1e-3
 
@@ -89,7 +89,7 @@ def test_how_far_a_tool_that_points_down_gets_is_what_the_links_allow(x: float, 
     # From the shoulder at 0.285 m to the wrist, 0.287 m above the tip: at most the 0.735 m of both upper links.
     away = np.hypot(x, z + 0.287 - 0.285)
     assert (away < 0.735) == within
-    assert (gen3.solve_pose(target, gen3.HOME) is not None) == within
+    assert (gen3.solve_joints(target, gen3.HOME) is not None) == within
 
 
 def test_what_is_said_of_the_reach_is_what_the_inverse_finds() -> None:
@@ -101,7 +101,7 @@ def test_what_is_said_of_the_reach_is_what_the_inverse_finds() -> None:
             continue
         target = DOWN.copy()
         target[:3, 3] = place
-        found = gen3.solve_pose(target, gen3.HOME) is not None
+        found = gen3.solve_joints(target, gen3.HOME) is not None
         assert found == (beyond_m < 0), f"{place} is {beyond_m:.3f} m beyond"
         met[found] += 1
     assert min(met) > 5
@@ -117,7 +117,7 @@ def test_wherever_its_elbow_is_the_arm_gets_to_all_of_the_workspace_that_is_with
     for place in within:
         target = DOWN.copy()
         target[:3, 3] = place
-        assert gen3.solve_pose(target, joints) is not None, f"{place}"
+        assert gen3.solve_joints(target, joints) is not None, f"{place}"
 
 
 def test_no_joints_bring_the_wrist_further_than_the_reach() -> None:

@@ -142,7 +142,7 @@ def test_the_mask_covers_the_arm_in_every_image_and_not_much_else() -> None:
     for x, y, camera in itertools.product((0.35, 0.5, 0.6), (-0.2, 0.1), table_cameras()):
         target = DOWN.copy()
         target[:3, 3] = x, y, 0.15
-        joints = gen3.solve_pose(target, gen3.HOME)
+        joints = gen3.solve_joints(target, gen3.HOME)
         assert joints is not None
         shape = known_gen3(FINGER, gen3.GRIPPER_M)
         dark = np.isfinite(shadow(camera, blind, pieces(shape, JointState(joints=joints, tool=tool_pose(joints)))))

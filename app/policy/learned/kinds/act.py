@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from app.policy.base import ActionDistribution
 from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
-from app.policy.learned.networks import apply_mask
+from app.policy.learned.networks import apply_network
 from app.policy.learned.sight import PolicyObservation
 
 _STYLES = 8
@@ -56,7 +56,7 @@ class Act:
         moves = scale.to(shown.made[:, :spanned].reshape(-1, shown.made.shape[-1]))
         moves = moves.reshape(batch, *self._chunk(how))
         counts = jnp.repeat(shown.counts[:, :spanned], how.space.chunk[0], axis=1)
-        made, mean, log_variance = apply_mask(self._network(how), params, key, shown.seen, moves, counts)
+        made, mean, log_variance = apply_network(self._network(how), params, key, shown.seen, moves, counts)
         divergence = -0.5 * (1 + log_variance - mean**2 - jnp.exp(log_variance)).sum(-1)
         off = jnp.abs(made - moves).mean(-1)
         return (counts * off).sum() / counts.sum() + self.beta * divergence.mean()
@@ -68,7 +68,7 @@ class Act:
 
         def styled(z: Float[Array, " Z"]) -> Float[Array, "B T K"]:
             each = jnp.broadcast_to(z, (len(seen.tool), self.style))
-            made: Float[Array, "B T K"] = apply_mask(network, params, seen, each, method="decode")
+            made: Float[Array, "B T K"] = apply_network(network, params, seen, each, method="decode")
             return made
 
         first, meant = how.space.chunk[0], styled(styles[0])

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from app.policy.base import ActionDistribution
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
-from app.policy.learned.networks import EncoderMLP, apply_mask
+from app.policy.learned.networks import EncoderMLP, apply_network
 from app.policy.learned.sight import PolicyObservation
 
 _LEAST, _MOST = -4.0, 1.0
@@ -43,7 +43,7 @@ class Cloning(NextOnly):
     def _told(
         self, params: Params, seen: PolicyObservation, chunk: Chunk
     ) -> tuple[Float[Array, "B T K"], Float[Array, "B T K"]]:
-        out = apply_mask(self._network(chunk), params, seen)
+        out = apply_network(self._network(chunk), params, seen)
         mean, spread = jnp.split(out.reshape(len(out), 2, *chunk), 2, axis=1)
         return mean[:, 0], jnp.exp(jnp.clip(spread[:, 0], _LEAST, _MOST))
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 from app.policy.base import ActionDistribution
 from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
-from app.policy.learned.networks import apply_mask
+from app.policy.learned.networks import apply_network
 from app.policy.learned.sight import PolicyObservation
 
 _OFFSET = 0.008
@@ -55,14 +55,14 @@ class Diffusion(NextOnly):
         noise = jax.random.normal(noised, moves.shape)
         kept = jnp.asarray(self._kept())[level][:, None, None]
         noised_moves = jnp.sqrt(kept) * moves + jnp.sqrt(1 - kept) * noise
-        told = apply_mask(self._network(how.space.chunk), params, shown.seen, noised_moves, level)
+        told = apply_network(self._network(how.space.chunk), params, shown.seen, noised_moves, level)
         return ((told - moves) ** 2).mean()
 
     def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """Actions denoised from a fixed noise, so that they depend on the observation alone."""
         chunk, count = how.space.chunk, len(seen.tool)
         network = self._network(chunk)
-        tokens = apply_mask(network, params, seen, method="look")
+        tokens = apply_network(network, params, seen, method="look")
         noises = jax.random.normal(jax.random.key(0), (_DRAWN, 1, *chunk))
 
         def found(noise: Float[Array, "1 T K"]) -> Float[Array, "B T K"]:
@@ -81,7 +81,7 @@ class Diffusion(NextOnly):
 
         def step(x: Float[Array, "B T K"], at: tuple[Array, Array, Array]) -> tuple[Float[Array, "B T K"], None]:
             level, here, there = at
-            moves = apply_mask(network, params, tokens, x, jnp.full(len(x), level), method="denoise")
+            moves = apply_network(network, params, tokens, x, jnp.full(len(x), level), method="denoise")
             moves = jnp.clip(moves, -_FARTHEST, _FARTHEST)
             told = (x - jnp.sqrt(here) * moves) / jnp.sqrt(1 - here)
             return jnp.sqrt(there) * moves + jnp.sqrt(1 - there) * told, None

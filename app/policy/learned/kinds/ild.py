@@ -18,7 +18,7 @@ from app.core.errors import UsageError
 from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import ActionDistribution, PlanningState
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, TrainingSimulator
-from app.policy.learned.networks import EncoderMLP, apply_mask
+from app.policy.learned.networks import EncoderMLP, apply_network
 from app.policy.learned.sight import PolicyObservation
 from app.sim.candidates import are_finite
 from app.sim.diagnosis.object_state import ObjectState
@@ -73,7 +73,7 @@ class Imitation(NextOnly):
         return scale.back(moves, jnp.zeros_like(moves))
 
     def _moves(self, params: Params, seen: PolicyObservation, how: Lessons) -> Float[Array, "B T K"]:
-        out = apply_mask(self._network(how.space.chunk), params, seen)
+        out = apply_network(self._network(how.space.chunk), params, seen)
         return out.reshape(-1, *how.space.chunk)
 
     def _made(

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from app.core.errors import UsageError
 from app.policy.base import ActionDistribution
 from app.policy.learned.base import Lessons, NextOnly, Params, Scale, Shown
-from app.policy.learned.networks import Dense, Eyes, apply_mask
+from app.policy.learned.networks import Dense, Eyes, apply_network
 from app.policy.learned.sight import PolicyObservation
 from app.policy.orthographic_views import OrthographicView
 
@@ -76,7 +76,7 @@ class Transporter(NextOnly):
         del key, scale
         space, view = _strokes(how), how.views[0]
         first, last = jnp.moveaxis(_pixels(view, space.ends(shown.actions)), 1, 0)
-        begins, ends, bends = apply_mask(self._network(how), params, shown.seen.pictures[0], first, last)
+        begins, ends, bends = apply_network(self._network(how), params, shown.seen.pictures[0], first, last)
         lost = _surprise(begins, first) + _surprise(ends, last)
         off = (bends - space.bends(shown.actions)) * _pieces(bends)
         return lost + (off**2).sum() / max(off.size, 1)
@@ -84,11 +84,11 @@ class Transporter(NextOnly):
     def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """The likeliest pixels, refined among their neighbours."""
         space, view, network, picture = _strokes(how), how.views[0], self._network(how), seen.pictures[0]
-        begin, begin_spread = _likeliest(apply_mask(network, params, picture, method="beginning"))
+        begin, begin_spread = _likeliest(apply_network(network, params, picture, method="beginning"))
         first = jnp.round(begin).astype(jnp.int32)
-        end, end_spread = _likeliest(apply_mask(network, params, picture, first, method="ending"))
+        end, end_spread = _likeliest(apply_network(network, params, picture, first, method="ending"))
         last = jnp.round(end).astype(jnp.int32)
-        bends = apply_mask(network, params, picture, first, last, method="bending")
+        bends = apply_network(network, params, picture, first, last, method="bending")
         actions = space.stroke(_places(view, jnp.stack([begin, end], axis=1)), bends)
         # How wide the maps are is of the ends; the numbers between share it as they share what the ends do.
         wide = view.pixel_m * jnp.concatenate([begin_spread, end_spread], axis=1).max(1, keepdims=True)

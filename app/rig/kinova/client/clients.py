@@ -12,7 +12,7 @@ DEFAULT = "dipac"
 """Name of the default client: it needs no wheel, bounds every wait, and lets the arm notice a hanging loop."""
 
 
-def open_link(address: Address, client: str = DEFAULT) -> Link:
+def link_by(address: Address, client: str = DEFAULT) -> Link:
     """An unopened link by the client of that name. Raises UsageError, and PreflightError where it is not installed."""
     if client not in CLIENTS:
         raise UsageError.unknown("client", client, CLIENTS)

@@ -321,7 +321,7 @@ def _joints(said: JointAngles) -> gen3.Joints:
 
 
 def _inverse(asked: InverseKinematicsData) -> JointAngles:
-    found = gen3.solve_pose(gen3.transform(asked.cartesian_pose or Pose()), _joints(asked.guess or JointAngles()))
+    found = gen3.solve_joints(gen3.transform(asked.cartesian_pose or Pose()), _joints(asked.guess or JointAngles()))
     if found is None:
         raise Rejected(56)
     angles = enumerate(np.degrees(found) % 360.0)

@@ -32,7 +32,7 @@ def reachable(ways: WaypointList, joints: Joints) -> tuple[TrajectoryError, ...]
     for index, each in enumerate(ways.waypoints):
         if each.cartesian_waypoint is None:
             continue
-        found = gen3.solve_pose(gen3.transform(each.cartesian_waypoint.pose or Pose()), joints)
+        found = gen3.solve_joints(gen3.transform(each.cartesian_waypoint.pose or Pose()), joints)
         if found is None:
             return (_error(OUTSIDE, index, 0.0, 0.0, 0.0, "no joint angles reach the pose"),)
         joints = found

@@ -101,20 +101,20 @@ def trace(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = 
 def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     x = np.frombuffer(points, np.float32).reshape(-1, 3)
     near = None if prior is None else np.frombuffer(prior, np.float64).reshape(-1, 2)
-    cloud = mean_by_weights(x, rope)
+    cloud = weigh_points(x, rope)
     orders = shortest_orders(cloud.at, cloud.weight, _spots(rope, len(cloud.at)), rope.radius_m, _TRIED)
     starts = [resample_polyline(order, rope.count) for order in orders]
     if near is not None:
         starts.append(near - cloud.origin)
     lines = _fitted(np.stack(starts), cloud, rope)
-    lines, scores = _sort_along(lines, _scores(lines, cloud, rope, near))
+    lines, scores = _rank_lines(lines, _scores(lines, cloud, rope, near))
     if len(lines) > 1 or strands_touch(lines[0], rope):
-        lines, scores = _variants(lines, scores, cloud, rope, near)
+        lines, scores = _with_reconnections(lines, scores, cloud, rope, near)
     lines = _refine(lines, cloud, rope)
-    return Trace(lines=_direct(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
+    return Trace(lines=_orient(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
-def mean_by_weights(x: Points, rope: RopeShape) -> Weighted:
+def weigh_points(x: Points, rope: RopeShape) -> Weighted:
     """Points of the plane with weights by their distance from the centreline."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
@@ -124,14 +124,14 @@ def mean_by_weights(x: Points, rope: RopeShape) -> Weighted:
     return Weighted(at=at - origin, share=share, variance=variance, origin=origin)
 
 
-def place_nodes(
+def locate_particles(
     x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape
 ) -> tuple[Float32[np.ndarray, " N"], Float32[np.ndarray, " N"]]:
     """Places of particles along a centreline, in segments, and their weights in a fit, one in the mean."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
     cloud = Weighted(at=at, share=share, variance=variance, origin=np.zeros(2))
-    along = balance_ends(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
+    along = balance_places(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
     beyond = _beyond(np.zeros(1), through(along, cloud, rope.count, SMOOTHING), rope)
     along = _stretch(along, beyond, rope)[0]
     return along.astype(np.float32), cloud.weight.astype(np.float32)
@@ -142,7 +142,7 @@ def radius_of(x: Points, rest_m: float) -> float:
     return float(np.clip(2 * np.std(x[:, 2]), 0.3 * rest_m, 2 * rest_m))
 
 
-def balance_ends(
+def balance_places(
     along: Float64[np.ndarray, "K N"], share: Float64[np.ndarray, " N"], rope: RopeShape, balance: float
 ) -> Float64[np.ndarray, "K N"]:
     """Places such that equal lengths hold equal volumes, holes left out, as far as `balance` says (0..1).
@@ -193,7 +193,7 @@ def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
     return h2 / 3 + (_NOISE * radius_m) ** 2
 
 
-def _variants(
+def _with_reconnections(
     lines: Float64[np.ndarray, "K n 2"],
     scores: Float64[np.ndarray, " K"],
     cloud: Weighted,
@@ -210,7 +210,7 @@ def _variants(
         starts = [resample_polyline(line, rope.count) for line in reconnect(left[0], cloud, rope, _RECONNECTED)]
         more = _fitted(np.stack(starts), cloud, rope)
         every = np.concatenate([lines, more])
-        lines, scores = _sort_along(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
+        lines, scores = _rank_lines(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
         if Trace(lines=lines, scores=scores, cloud=cloud, rope=rope).margin > _SURE:
             break
     return lines, scores
@@ -219,7 +219,7 @@ def _variants(
 def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
     lines = of_equal_steps(lines, rope.rest_m)
     for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
-        along = balance_ends(places(lines, cloud.at)[0], cloud.share, rope, balance)
+        along = balance_places(places(lines, cloud.at)[0], cloud.share, rope, balance)
         lines = of_equal_steps(through(along, cloud, rope.count, smoothing), rope.rest_m, 2)
     return of_equal_steps(lines, rope.rest_m)
 
@@ -228,7 +228,7 @@ def _refine(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShap
     """Lines without the round ends of the rope, which hypotheses reach into by cutting bends."""
     beyond = np.zeros(len(lines))
     for _ in range(_REFINING_ROUNDS):
-        along = balance_ends(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
+        along = balance_places(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
         free = through(_stretch(along, beyond, rope), cloud, rope.count, SMOOTHING)
         lines, beyond = of_equal_steps(free, rope.rest_m, 2), _beyond(beyond, free, rope)
     return of_equal_steps(lines, rope.rest_m)
@@ -297,7 +297,7 @@ def _spots(rope: RopeShape, points: int) -> int:
     return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 4, max(4, min(64, points // 2))))
 
 
-def _sort_along(
+def _rank_lines(
     lines: Float64[np.ndarray, "K n 2"], scores: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K n 2"], Float64[np.ndarray, " K"]]:
     """Lines by score, the best first, without non-finite ones."""
@@ -306,7 +306,7 @@ def _sort_along(
     return lines[order], scores[order]
 
 
-def _direct(
+def _orient(
     lines: Float64[np.ndarray, "K n 2"], near: Float64[np.ndarray, "n 2"] | None
 ) -> Float64[np.ndarray, "K n 2"]:
     """Each the way of `near`, or from the end with the smaller x (and y)."""

@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from app.core.types import Cloud
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.geometry.centreline import SMOOTHING, mean_by_weights, through
+from app.sim.rods.geometry.centreline import SMOOTHING, through, weigh_points
 from app.sim.rods.geometry.orders import shortest_orders
 from app.sim.rods.geometry.polyline import lengths, places, resample_polyline
 from app.sim.rods.geometry.rope_cloud import RopeShape
@@ -127,7 +127,7 @@ def _traced(cloud: Cloud, radius_m: float) -> _Trace:
     nodes = centreline_weights(arclength_labels(few), _ORDER_NODES) @ few
     guess_m = float(np.linalg.norm(np.diff(nodes[:, :2], axis=0), axis=1).sum()) * _ORDER_NODES / (_ORDER_NODES - 1)
     count = int(np.clip(round(guess_m / max(_SPACING_RADII * radius_m, _SPACING_M)), *_NODES))
-    about = mean_by_weights(few, RopeShape(count=count, rest_m=guess_m / (count - 1), radius_m=radius_m))
+    about = weigh_points(few, RopeShape(count=count, rest_m=guess_m / (count - 1), radius_m=radius_m))
     most = min(_NODES[1], len(few) // 2)
     spots = int(np.clip(round(guess_m / max(_SPOT_RADII * radius_m, _SPOT_M)), _NODES[0], most))
     line = resample_polyline(shortest_orders(about.at, about.weight, spots, radius_m, 1)[0], count)

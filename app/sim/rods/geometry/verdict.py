@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
 from app.core.types import Centreline, Points
-from app.sim.rods.geometry.centreline import Trace, balance_ends, strands_touch, through, trace
+from app.sim.rods.geometry.centreline import Trace, balance_places, strands_touch, through, trace
 from app.sim.rods.geometry.polyline import lengths, places
 from app.sim.rods.geometry.rope_cloud import RopeShape
 
@@ -69,7 +69,7 @@ class CentrelineQuality:
 def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
     """The gravest thing that speaks against a planar rod through `x`, in a sentence; empty where nothing does.
 
-    `near`: see `traced`.
+    `near`: see `trace`.
     """
     prior = None if near is None or not near.size else near.T.astype(np.float64)
     try:
@@ -80,7 +80,7 @@ def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
 
 
 def assess(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> CentrelineQuality:
-    """The best centreline through `x`, and what speaks against it. `near`: see `traced`.
+    """The best centreline through `x`, and what speaks against it. `near`: see `trace`.
 
     Raises PerceptionError where there is nothing to fit: too few points, or not finite.
     """
@@ -183,7 +183,7 @@ def _bare(along: Float64[np.ndarray, " N"], rope: RopeShape) -> float:
 def _free_length(found: Trace) -> float:
     """Length [m] of the smooth line through the points in the best order, whatever is known of it."""
     line, rope, cloud = found.line - found.cloud.origin, found.rope, found.cloud
-    along = balance_ends(places(line[None], cloud.at)[0], cloud.share, rope, 1.0)
+    along = balance_places(places(line[None], cloud.at)[0], cloud.share, rope, 1.0)
     return float(lengths(through(along, cloud, rope.count, 1.0))[0])
 
 
