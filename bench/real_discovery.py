@@ -25,7 +25,8 @@ from app.discovery.checks.limits import limits_of
 from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.inference.decide import NAMED, ModelSelection, decide, held_out_gain, is_sized
+from app.discovery.inference.decide import NAMED, ModelSelection, decide, is_sized
+from app.discovery.inference.held_out import held_out_gain
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.case import CauseResult, Limit

@@ -32,13 +32,12 @@ from app.discovery.inference.calibration import Calibration, calibration, featur
 from app.discovery.inference.decide import (
     NAMED,
     further_suspects,
-    held_out_gain,
-    held_out_gain_of_linear,
     is_sized,
     refitted,
     with_further,
 )
-from app.discovery.inference.refine import RefinedModel
+from app.discovery.inference.held_out import held_out_gain, held_out_gain_of_linear
+from app.discovery.inference.refine import RefinedModel, local_log_bayes, refine
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.forces import FORMULA
@@ -110,7 +109,7 @@ def _hideable(world: World) -> tuple[Sequence[str], Sequence[str]]:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str, Any]:
-    """Features of a case's screening, with the hidden truth, and refits of so many of the likeliest causes."""
+    """Features of a case's screening, with the hidden truth, and refits of so many likely causes and of none."""
     study, subject = case.record(), subject_of(case.task)
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
@@ -119,6 +118,8 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
     causes, table = features(screening)
     probabilities, _ = calibration().probabilities(screening)
     likeliest = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])[:refits]
+    models = {suspect.cause: refitted(predictor, trials, screening, suspect) for suspect in likeliest}
+    nothing = refine(predictor, trials, screening, ()) if refits else None
     return {
         "world": world,
         "hidden": [[each.effect, each.size] for each in case.hidden],
@@ -126,28 +127,39 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
         "pushes": len(study.pushes),
         "causes": causes,
         "features": np.round(table, 5).tolist(),
-        "refits": {suspect.cause: _refit_of(predictor, trials, screening, suspect) for suspect in likeliest},
+        "refits": {
+            suspect.cause: _refit_of(predictor, screening, suspect, models[suspect.cause]) for suspect in likeliest
+        },
+        "nothing": nothing and round(nothing.log_evidence - screening.weighing.log_evidence, 2),
+        "further": _further_of(predictor, trials, screening, list(models.values())),
     }
 
 
 def _refit_of(
-    predictor: Predictor, trials: SimulationBatch, screening: Screening, suspect: CandidateCause
+    predictor: Predictor, screening: Screening, suspect: CandidateCause, model: RefinedModel
 ) -> dict[str, Any]:
-    """Gain of a refitted cause over nothing, and of a further cause beside it where it is likelier than nothing."""
-    model = refitted(predictor, trials, screening, suspect)
-    nothing = screening.weighing.log_evidence
-    found = {
-        **_gain_of(suspect, model, nothing, (screening.data, screening.prior)),
+    """Gain of a refitted cause over nothing."""
+    return {
+        **_gain_of(suspect, model, screening.weighing.log_evidence, (screening.data, screening.prior)),
+        "local": round(local_log_bayes(predictor.catalogue, screening, model), 2),
         "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect), 3).tolist(),
         "sized": is_sized(predictor.catalogue, model),
         "trust": model.trust,
     }
-    for likeliest in further_suspects(model)[:1] if model.log_evidence >= nothing else ():
-        both = with_further(predictor, trials, screening, model, likeliest)
-        found["further"] = {
-            "cause": likeliest.cause,
-            **_gain_of(likeliest, both, model.log_evidence, (model.data, model.prior)),
-        }
+
+
+def _further_of(
+    predictor: Predictor, trials: SimulationBatch, screening: Screening, models: Sequence[RefinedModel]
+) -> dict[str, Any]:
+    """Gain of a second cause beside the best refitted one; nothing where that is no likelier than nothing."""
+    best = max(models, key=lambda model: model.log_evidence, default=None)
+    if best is None or best.log_evidence < screening.weighing.log_evidence:
+        return {}
+    found = dict[str, Any]()
+    for suspect in further_suspects(best)[:1]:
+        both = with_further(predictor, trials, screening, best, suspect)
+        gain = _gain_of(suspect, both, best.log_evidence, (best.data, best.prior))
+        found = {"beside": best.causes[0], "cause": suspect.cause, **gain}
     return found
 
 

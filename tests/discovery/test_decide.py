@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.inference.decide import held_out_gain_of_linear, is_earned, trimmed_mean
+from app.discovery.inference.held_out import held_out_gain_of_linear, is_earned, trimmed_mean
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
 from tests.discovery.made_up import ALL, K, R, screening

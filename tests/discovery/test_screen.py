@@ -7,7 +7,8 @@ import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.inference.decide import NAMED, held_out_gain, probabilities_of
+from app.discovery.inference.decide import NAMED, probabilities_of
+from app.discovery.inference.held_out import held_out_gain
 from app.discovery.inference.refine import refine, start_of
 from app.discovery.inference.screen import Screening, refit, screen
 from app.discovery.residuals.predict import Predictor, prepare

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.inference.decide import HeldOutGain, ModelSelection
+from app.discovery.inference.decide import ModelSelection
+from app.discovery.inference.held_out import HeldOutGain
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.residuals.forces import FORMULA, with_formula
 from app.discovery.results.case import CauseResult, Limit

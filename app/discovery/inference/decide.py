@@ -9,21 +9,19 @@ several rounds finds some of them where nothing is. Either counts as far as deve
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias, final
+from typing import TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.stats import t
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
-from app.discovery.inference.mixed_effects import Covariances, fit_mixed_effects, log_likelihood
+from app.discovery.inference.held_out import HeldOutGain, held_out_gain, held_out_gain_of_linear, is_earned
 from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
-from app.discovery.inference.weighing import Z90, Prior, weigh
+from app.discovery.inference.weighing import Z90, weigh
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch
-from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import apply_step, hypotheses_of
 
 TEMPERATURE = 2.0
@@ -48,13 +46,6 @@ _WORTH = 0.05
 """Probability above which a cause is refitted."""
 _AT_END = 0.05
 """Tolerance, in steps, within which a parameter is at the end of its range."""
-_ERRORS = 2
-"""Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
-_TRIMMED = 0.2
-"""Share of episodes, of the best and of the worst, that a mean leaves out: where a rope slips off the tool or not, an
-episode gains or loses ten times what the others do."""
-_FEWEST = 10
-"""Episodes of which a mean is trimmed: of five, the error of a trimmed mean is a fifth too small."""
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
 _MOST = 3
@@ -65,13 +56,6 @@ ENOUGH = CHANCE + _ROUGH
 
 Progress: TypeAlias = Callable[[str], None]
 """Callback for progress, in words."""
-
-
-class HeldOutGain(NamedTuple):
-    """Gain in log likelihood of left-out episodes over the null hypothesis: trimmed mean and standard error."""
-
-    gain: float
-    error: float
 
 
 @final
@@ -281,69 +265,6 @@ def further_suspects(model: RefinedModel) -> list[CandidateCause]:
         if suspect.finding.log_bayes > 0:
             first.setdefault(suspect.cause, suspect)
     return list(first.values())
-
-
-def held_out_gain(simpler: tuple[Residuals, Prior], model: RefinedModel) -> HeldOutGain:
-    """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
-    return _held_out_gain(simpler, (model.data, model.prior), (None, model.fit.covariances))
-
-
-def held_out_gain_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
-    """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
-
-    Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
-    """
-    data, nothing = screening.data, screening.prior
-    present = nothing.wider(suspect.columns)
-    return _held_out_gain((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
-
-
-def _held_out_gain(
-    simpler: tuple[Residuals, Prior], extended: tuple[Residuals, Prior], starts: Sequence[Covariances | None]
-) -> HeldOutGain:
-    episodes = np.unique(extended[0].episode).tolist()
-    gains = np.array(
-        [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
-    )
-    return trimmed_mean(gains)
-
-
-def trimmed_mean(gains: Float64[np.ndarray, " E"]) -> HeldOutGain:
-    """The trimmed mean of episodes, and its standard error (Tukey and McLaughlin 1963).
-
-    The error is as much larger as makes two of it as rare as two of a plain mean, by Student's distribution of fewer
-    degrees of freedom.
-    """
-    count = len(gains)
-    out = int(_TRIMMED * count) if count >= _FEWEST else 0
-    if count < 2:
-        return HeldOutGain(float(gains.mean()), np.inf)
-    ordered, inner = np.sort(gains), count - 2 * out
-    winsorized = np.clip(gains, ordered[out], ordered[count - 1 - out])
-    error = winsorized.std(ddof=1) * np.sqrt(count) / inner
-    rarer = t.ppf(t.cdf(_ERRORS, count - 1), inner - 1) / _ERRORS
-    return HeldOutGain(float(ordered[out : count - out].mean()), float(error * rarer))
-
-
-def is_earned(held: HeldOutGain) -> bool:
-    """True if episodes that were left out are more likely by enough standard errors."""
-    return held.gain > _ERRORS * held.error
-
-
-def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:
-    fit = fit_mixed_effects(data.without(episode), prior.variance, prior.mean, starts)
-    return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
-
-
-def left_out_thetas(model: RefinedModel) -> dict[int, Float64[np.ndarray, " P"]]:
-    """The own columns' values, in steps from the model's theta and as far as trusted, when an episode is left out."""
-    found = dict[int, Float64[np.ndarray, " P"]]()
-    for episode in np.unique(model.data.episode):
-        fit = fit_mixed_effects(
-            model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,)
-        )
-        found[int(episode)] = model.trust * fit.theta[: model.own]
-    return found
 
 
 def theta_of(catalogue: Catalogue, model: RefinedModel, shares: Float64[np.ndarray, " Q"]) -> Theta:

@@ -199,6 +199,28 @@ def _prior(
     )
 
 
+def local_log_bayes(catalogue: Catalogue, screening: Screening, model: RefinedModel) -> float:
+    """Log Bayes factor of a model's causes against their null priors, both about the model's own estimate [nats].
+
+    Pushes are chaotic, so that evidence of other simulations differs by tens of nats from this one's by chance. Here
+    both hypotheses are weighed by the same simulations and slopes: could the data about the estimate be those of a
+    parameter as far from its null as it seems to be where nothing is missing?
+    """
+    mean, variance = model.prior.mean.copy(), model.prior.variance.copy()
+    full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
+    for n, step in enumerate(model.steps[: model.own]):
+        if step.cause not in model.causes or step.column not in full:
+            continue
+        size, at = full[step.column]
+        spec = catalogue.specs[step.column]
+        null = spec.coordinate(spec.nominal) + screening.prior.mean[at] * size
+        mean[n] = (null - spec.coordinate(float(model.theta[step.column]))) / step.size
+        variance[n] = screening.prior.variance[at] * (size / step.size) ** 2
+    absent = replace(model.prior, mean=mean, variance=variance)
+    fit = fit_mixed_effects(model.data, variance, mean, (model.fit.covariances, None))
+    return model.log_evidence - log_evidence(fit, absent, model.temperature)
+
+
 def catalogue_names(catalogue: Catalogue) -> frozenset[str]:
     """Names of all causes."""
     return frozenset(cause.name for cause in catalogue.causes)

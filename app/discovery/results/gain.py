@@ -13,7 +13,8 @@ from jaxtyping import Float32, Float64
 
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Theta
-from app.discovery.inference.decide import left_out_thetas, theta_of
+from app.discovery.inference.decide import theta_of
+from app.discovery.inference.held_out import left_out_thetas
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
-from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress, held_out_gain, is_earned
+from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress
+from app.discovery.inference.held_out import held_out_gain, is_earned
 from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import HypothesisResult, Prior, log_evidence, weigh
