@@ -22,11 +22,11 @@ from rich.table import Table
 
 from app import cells
 from app.cells.base import Wanted
-from app.commands._clock import SystemClock
 from app.config import Site
 from app.core.dialogue.control import Mode, ModeRequest
 from app.core.dialogue.requests import GoalRequest, Request
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
+from app.core.system.clock import SystemClock
 from app.core.system.worker import Worker
 from app.flow import Flow
 from app.recording.library.session_recorder import open_studio

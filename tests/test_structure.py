@@ -109,6 +109,17 @@ def test_a_public_class_name_is_defined_once():
     assert not several, "give the less central of them a more specific name, in the field's words"
 
 
+@pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/flow")], ids=name)
+def test_the_flow_has_its_time_from_its_clock(file):
+    called = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
+    imported = {alias.name for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    owned = {"sleep_until", "move_on_at", "fail_after", "fail_at", "current_time", "deadline", "monotonic"}
+    assert not owned & (called | imported), "ask the clock"
+    calls = (node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call))
+    asked = [ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)]
+    assert not {"anyio.sleep", "anyio.move_on_after", "time.time", "time.sleep"} & set(asked), "ask the clock"
+
+
 @pytest.mark.parametrize("file", COMMANDS, ids=name)
 def test_a_command_file_defines_the_function_of_its_name_alone(file):
     functions = {key for key, node in defined(file).items() if isinstance(node, ast.FunctionDef)}

@@ -18,7 +18,6 @@ from app.cells.base import Wanted
 from app.commands._audience import Audience
 from app.commands._case import MODEL, DiscoveryResults, read_case
 from app.commands._cell import cell
-from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
 from app.commands._guiding import guided
 from app.commands._named import full_name
@@ -34,6 +33,7 @@ from app.core.geometry.scene_description import Stage
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
 from app.core.rejection_codes import Refusal
+from app.core.system.clock import SystemClock
 from app.core.system.gc_control import spared_collection
 from app.core.system.processes import in_real_time
 from app.core.system.worker import Worker

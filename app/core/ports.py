@@ -17,7 +17,7 @@ from app.core.types import ToolPose
 
 
 class Clock(Protocol):
-    """Time as a dependency, so that a replay can bring its own."""
+    """Time as a dependency: whoever runs the flow brings the machine's, or one that waits for nothing."""
 
     def now(self) -> float:
         """Monotonic time [s]."""
@@ -25,6 +25,10 @@ class Clock(Protocol):
 
     async def sleep(self, duration_s: float) -> None:
         """Wait."""
+        ...
+
+    def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
+        """Cancel scope of what is given up after so long; None: never."""
         ...
 
 

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import final
 
-import anyio
-
 from app.config import Site
 from app.core.announcer import MessageBus
 from app.core.dialogue.approval import ApprovalGate, Approved, automatic_decision, drift
@@ -57,11 +55,12 @@ class Approving:
         """Show it without asking for a decision, until it is void."""
         self._gate.show(None)
         self.proposals.put(proposal)
-        with self._modes.waiting(self._oldest_s) as waiting:
+        asked = self._modes.interruptions
+        with self._modes.waiting(self._oldest_s):
             async for _ in self._sensing.particles.changes():
                 if self.moved_away(proposal):
                     return
-        self._given_up(proposal, waiting)
+        self._given_up(proposal, asked)
 
     def hear(self, decision: Decision) -> None:
         """Queue a decision on the pending proposal; report any other as stale."""
@@ -90,6 +89,7 @@ class Approving:
                 self._other(late)
 
     async def _decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
+        asked = self._modes.interruptions
         with self._modes.waiting(self._oldest_s) as waiting:
             while True:
                 decision = await self._decision(proposal)
@@ -98,7 +98,7 @@ class Approving:
                 if decision.proposal_id == proposal.id:
                     return decision, self._approved(decision)
                 self._other(decision)
-        self._given_up(proposal, waiting)
+        self._given_up(proposal, asked)
         return None, None
 
     def _other(self, decision: Decision) -> None:
@@ -125,8 +125,9 @@ class Approving:
             return None
         return self._announcer.say(approved)
 
-    def _given_up(self, proposal: Proposal, waiting: anyio.CancelScope) -> None:
-        old = anyio.current_time() >= waiting.deadline
+    def _given_up(self, proposal: Proposal, asked: int) -> None:
+        """Say why it is void: interrupted since there had been `asked` interruptions, or too old."""
+        old = self._modes.interruptions == asked
         why = "grew too old; planning again" if old else self._modes.interrupted
         self._announcer.notice("plan", f"{proposal.id} {why}.", proposal.id)
 

@@ -120,7 +120,7 @@ class Calibrating:
         """The board in a frame that was taken while the arm was at rest. Raises DipacError where that cannot be."""
         if mode not in _BY_HAND:
             raise UsageError("Views are taken in the modes Idle and By hand, in which nothing is planned; choose one.")
-        with anyio.move_on_after(_REST_S) as waiting:
+        with self._clock.move_on_after(_REST_S) as waiting:
             await rested(self._rig.arm, self._site.timing, self._clock)
         if waiting.cancelled_caught:
             raise DeviceError("The arm does not come to rest; let go of it, and take the view again.")
@@ -133,7 +133,7 @@ class Calibrating:
         return CalibrationView(sight=seen, T_world_gripper=_transform(before))
 
     async def _newer(self, target: Target, due_s: float) -> Frame:
-        with anyio.move_on_after(_FRAME_S):
+        with self._clock.move_on_after(_FRAME_S):
             async for frame in self._frames[target.serial].changes():
                 if frame.time_s >= due_s:
                     return frame

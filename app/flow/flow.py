@@ -243,7 +243,7 @@ class Flow:
                 self.fault("application", error)
                 self.modes.set("idle", "something failed; see the messages, then choose a mode")
         self.reporting.do("finishing the calibration")
-        with anyio.move_on_after(_LAST_CALIBRATION_S):
+        with self.clock.move_on_after(_LAST_CALIBRATION_S):
             while self.learning.done < self.learning.submitted or self.watching.seen < self.watching.submitted:
                 await self.clock.sleep(self.site.timing.health_period_s)
         self.reporting.do("done")

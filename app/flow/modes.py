@@ -110,7 +110,7 @@ class Modes:
 
     def waiting(self, deadline_s: float) -> anyio.CancelScope:
         """Cancel scope of a wait for a decision, which ends at the next interruption or after `deadline_s`."""
-        self._waiting = anyio.move_on_after(deadline_s)
+        self._waiting = self._clock.move_on_after(deadline_s)
         return self._waiting
 
     def interrupt(self, why: str) -> None:

@@ -55,7 +55,7 @@ class Sensing:
 
     async def settled(self, *, due_s: float) -> Particles:
         """The first particles whose every frame was taken at `due_s` [s] or later. Raises DeviceError without any."""
-        with anyio.move_on_after(_OBSERVE_DEADLINE_S):
+        with self._clock.move_on_after(_OBSERVE_DEADLINE_S):
             async for particles in self.particles.changes():
                 if particles.time_s >= due_s:
                     return particles

@@ -80,7 +80,7 @@ class Preflight:
         """Check again and again, until it is passed."""
         while not self.passed:
             await self._look()
-            with anyio.move_on_after(_PERIOD_S):
+            with self._clock.move_on_after(_PERIOD_S):
                 await self._passed.wait()
 
     async def asked(self, request: ChecklistRequest) -> None:

@@ -92,7 +92,7 @@ class StopLatch:
         while not self.free:
             do("stopped")
             passes = self._passes
-            with anyio.move_on_after(_PAUSE_S if passes else self._patience_s) as patience:
+            with self._clock.move_on_after(_PAUSE_S if passes else self._patience_s) as patience:
                 await self._free.wait()
             if patience.cancelled_caught and self._passes:
                 await self._go_on()

@@ -42,6 +42,10 @@ class FaultyClock:
         await anyio.sleep(duration_s)
         await anyio.sleep(max(0.0, self._thaws_s - time.monotonic()))
 
+    def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
+        """Cancel scope with a deadline, which passes while it stands still, too."""
+        return anyio.move_on_after(duration_s)
+
 
 @final
 class FaultyCamera:

@@ -1,6 +1,5 @@
 """A cell small enough to test the flow in: a rig inside this process, a person at the console, a log in memory."""
 
-import asyncio
 import dataclasses
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -35,6 +34,7 @@ from app.tasks.elements.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from tests.flow.planner import Habits, planner_here, restored, take_up
 from tests.flow.rig import Place, SmallRig
+from tests.flow.virtual import VirtualClock
 
 MessageT = TypeVar("MessageT", bound=Message)
 A_WHILE = 12
@@ -196,20 +196,6 @@ class MemoryLog:
 
 
 @final
-class LoopClock:
-    """The time of the loop that runs where it is made: the machine's monotonic time, or virtual time."""
-
-    def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
-
-    def now(self) -> float:
-        return self._loop.time()
-
-    async def sleep(self, duration_s: float) -> None:
-        await anyio.sleep(duration_s)
-
-
-@final
 class Run:
     """A flow in a small cell, with all that is around it."""
 
@@ -222,7 +208,7 @@ class Run:
             rig=rig,
             operator=self.person,
             recorder=self.log,
-            clock=LoopClock(),
+            clock=VirtualClock(),
             planner=self.planner,
         )
         self._error: Exception | None = None

@@ -1,5 +1,6 @@
 """Pose of the arm when a camera took its image: linear between two samples."""
 
+import anyio
 import numpy as np
 import pytest
 
@@ -54,3 +55,6 @@ class SteppedClock:
 
     async def sleep(self, duration_s: float) -> None:
         self.time_s += duration_s
+
+    def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
+        return anyio.move_on_after(duration_s)

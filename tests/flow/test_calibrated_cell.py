@@ -23,8 +23,9 @@ from app.recording.exchange.calibration_file import CalibrationFile
 from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.rope_push import TASK
-from tests.flow.cell import LoopClock, MemoryLog
+from tests.flow.cell import MemoryLog
 from tests.flow.test_model_selection import Shown
+from tests.flow.virtual import VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 
@@ -53,8 +54,8 @@ class Session:
     def __init__(self, rig: SimulatedRig, path: Path) -> None:
         self.rig, self.shown = rig, Shown()
         self.frames = {camera.model.name: Latest[Frame](camera.model.name) for camera in rig.cameras}
-        announcer = MessageBus(operator=self.shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
-        self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, LoopClock())
+        announcer = MessageBus(operator=self.shown, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
+        self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, VirtualClock())
 
     async def capture(self, camera: Camera) -> None:
         while True:

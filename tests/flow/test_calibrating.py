@@ -22,7 +22,8 @@ from app.flow.calibrating import Calibrating
 from app.perception.calibration.se3 import exp, inverse, transform
 from app.recording.exchange.calibration_file import CalibrationFile
 from bench.boards import LENS, Camera, cell, image
-from tests.flow.cell import LoopClock, MemoryLog
+from tests.flow.cell import MemoryLog
+from tests.flow.virtual import VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -63,8 +64,8 @@ class Calibrated:
             name="camera0", width=640, height=480, K=LENS.K, T_world_camera=TRUTH.X, depth_unit_m=0.001
         )
         self.frames = {"camera0": Latest[Frame]("frames")}
-        announcer = MessageBus(operator=self, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
-        self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, LoopClock())
+        announcer = MessageBus(operator=self, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
+        self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, VirtualClock())
         self._rng = np.random.default_rng(0)
 
     @property

@@ -13,9 +13,9 @@ from app.flow.editing import Editing
 from app.jobs.worker_api import nominal_model
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
-from tests.flow.cell import LoopClock, MemoryLog
+from tests.flow.cell import MemoryLog
 from tests.flow.test_model_monitor import Shown
-from tests.flow.virtual import InsideWorker
+from tests.flow.virtual import InsideWorker, VirtualClock
 from tests.ui import synthetic
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
@@ -50,7 +50,7 @@ def editing(shown: Shown, planner: InsideWorker) -> Editing:
         automatic=False,
         calibrating=False,
     )
-    announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+    announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
     return Editing(wish, announcer, planner, Site())
 
 

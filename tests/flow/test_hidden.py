@@ -19,8 +19,9 @@ from app.flow.perception_stage import Sensing, forgotten
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm
 from app.tasks.rope_push import TASK
-from tests.flow.cell import LoopClock, MemoryLog
+from tests.flow.cell import MemoryLog
 from tests.flow.rig import TickedArm, photographs, small_cameras
+from tests.flow.virtual import VirtualClock
 from tests.perception.hiding import screened
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
@@ -106,7 +107,7 @@ class Watcher:
 async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, Watcher]]:
     """Run perception until the block ends."""
     photographs()
-    screen, watcher, clock, summary = Screen(), Watcher(), LoopClock(), Summary()
+    screen, watcher, clock, summary = Screen(), Watcher(), VirtualClock(), Summary()
     announcer = MessageBus(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
     sensing = Sensing(ScreenedRig(screen), how, summary, announcer, clock)
     with anyio.fail_after(PATIENCE_S):

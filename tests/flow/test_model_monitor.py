@@ -14,7 +14,8 @@ from app.core.dialogue.summary import Summary
 from app.core.messages import Message, Model, Notice, Transition, fresh_id
 from app.discovery.monitor.change_detection import FIRST
 from app.flow.model_monitor import ExecutedPush, Watching
-from tests.flow.cell import LoopClock, MemoryLog, Request
+from tests.flow.cell import MemoryLog, Request
+from tests.flow.virtual import VirtualClock
 from tests.ui import synthetic
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
@@ -64,7 +65,7 @@ def push(error_m: float, rng: np.random.Generator, model: Model | None = None) -
 async def watched(
     pushes: list[ExecutedPush], verdict: Verdict | None = None, recording: Path | None = None
 ) -> list[Message]:
-    shown, clock, summary = Shown(len(pushes)), LoopClock(), Summary()
+    shown, clock, summary = Shown(len(pushes)), VirtualClock(), Summary()
     announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=clock, summary=summary)
     watching = Watching(announcer, clock, verdict, recording)
     async with anyio.create_task_group() as tasks:

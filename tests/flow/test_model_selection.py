@@ -12,8 +12,8 @@ from app.core.dialogue.summary import Summary
 from app.core.messages import Extension, Message, Model, Notice, Parameter, fresh_id
 from app.flow.model_selection import Modelling, Taken
 from app.jobs.jit_cache import nominal_model
-from tests.flow.cell import LoopClock, MemoryLog
-from tests.flow.virtual import InsideWorker
+from tests.flow.cell import MemoryLog
+from tests.flow.virtual import InsideWorker, VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -55,7 +55,7 @@ def changed(**values: float) -> Model:
 async def asked(model: Model, *, newest: int = 6) -> tuple[Taken | None, Shown]:
     shown = Shown()
     async with InsideWorker("planner") as planner:
-        announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+        announcer = MessageBus(operator=shown, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
         modelling = Modelling(TASK, announcer, planner)
         current = modelling.numbered(replace(NOMINAL, version=newest))
         request = ModelRequest(
@@ -112,7 +112,7 @@ async def test_where_cameras_err_the_goal_is_as_they_will_show_it() -> None:
 async def test_numbers_only_grow_and_the_first_model_keeps_its_own() -> None:
     modelling = Modelling(
         TASK,
-        MessageBus(operator=Shown(), recorder=MemoryLog(), clock=LoopClock(), summary=Summary()),
+        MessageBus(operator=Shown(), recorder=MemoryLog(), clock=VirtualClock(), summary=Summary()),
         InsideWorker("planner"),
     )
     assert modelling.numbered(replace(NOMINAL, version=4)).version == 4

@@ -21,10 +21,10 @@ from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import resample
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig, Experiment
-from tests.flow.cell import LoopClock, MemoryLog, small_site
+from tests.flow.cell import MemoryLog, small_site
 from tests.flow.rig import SmallRig
 from tests.flow.test_model_monitor import Shown
-from tests.flow.virtual import InsideWorker
+from tests.flow.virtual import InsideWorker, VirtualClock
 
 # Every candidate's slopes and all causes are simulated; what is chosen and why is tested in discovery/test_probe.py.
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time"), pytest.mark.slow]
@@ -73,7 +73,7 @@ def track_of(motion: Motion, start_s: float) -> Track:
 
 
 async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_path: Path) -> None:
-    shown, said, clock = Shown(0), MemoryLog(), LoopClock()
+    shown, said, clock = Shown(0), MemoryLog(), VirtualClock()
     nodes, now_s = TASK.start(0), 10.0
     async with InsideWorker("planner") as planner:
         announcer = MessageBus(operator=shown, recorder=said, clock=clock, summary=Summary())
@@ -124,7 +124,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
 
 
 async def test_a_session_without_an_experiment_asks_for_nothing(tmp_path: Path) -> None:
-    clock = LoopClock()
+    clock = VirtualClock()
     async with InsideWorker("planner") as planner:
         announcer = MessageBus(operator=Shown(0), recorder=MemoryLog(), clock=clock, summary=Summary())
         sensing = Sensing(SmallRig(small_site(tmp_path)), TASK.reconstruction("cpu"), Summary(), announcer, clock)

@@ -9,6 +9,7 @@ import selectors
 from collections.abc import Callable
 from typing import Any, final
 
+import anyio
 import pytest
 from anyio import to_thread
 
@@ -57,6 +58,23 @@ class VirtualLoop(asyncio.SelectorEventLoop):
             return await run(*arguments, **options)
         finally:
             self._waiting.computing -= 1
+
+
+@final
+class VirtualClock:
+    """The time of the loop that runs where it is made: virtual, or the machine's in any other loop."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+
+    def now(self) -> float:
+        return self._loop.time()
+
+    async def sleep(self, duration_s: float) -> None:
+        await anyio.sleep(duration_s)
+
+    def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
+        return anyio.move_on_after(duration_s)
 
 
 class InsideWorker(Worker):

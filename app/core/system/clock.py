@@ -1,4 +1,4 @@
-"""Time as the flow has it."""
+"""The clock of the machine."""
 
 import time
 from typing import final
@@ -17,3 +17,7 @@ class SystemClock:
     async def sleep(self, duration_s: float) -> None:
         """Wait."""
         await anyio.sleep(duration_s)
+
+    def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
+        """Cancel scope with a deadline; None: it has none."""
+        return anyio.move_on_after(duration_s)
