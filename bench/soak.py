@@ -28,10 +28,10 @@ from app.core.dialogue.requests import GoalRequest, Request
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
 from app.core.system.clock import SystemClock
 from app.core.system.worker import Worker
-from app.flow import Flow
 from app.recording.library.session_recorder import open_studio
 from app.recording.read.reader import read_messages
 from app.recording.write.preflight import Room
+from app.session import Parts, Session
 from app.tasks import Task, load
 from app.tasks.elements.base import EpisodeConfig
 
@@ -150,23 +150,25 @@ async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int
         cell.open(wanted) as rig,
         open_studio(folder, start, _ROOM) as recorder,
     ):
-        flow = Flow(
-            wish,
-            site=site,
-            rig=rig,
-            operator=Somebody(task, soaked),
-            recorder=recorder,
-            clock=SystemClock(),
-            planner=planner,
-            recording=recorder.path,
-            studio=recorder,
+        session = Session(
+            Parts(
+                wish,
+                site=site,
+                rig=rig,
+                operator=Somebody(task, soaked),
+                recorder=recorder,
+                clock=SystemClock(),
+                planner=planner,
+                recording=recorder.path,
+                studio=recorder,
+            )
         )
         with anyio.move_on_after(60.0 * minutes):
             async with anyio.create_task_group() as tasks:
-                tasks.start_soon(flow.run)
+                tasks.start_soon(session.run)
                 tasks.start_soon(_weigh, soaked)
     kept = await to_thread.run_sync(lambda: sum(1 for _ in read_messages(recorder.path)))
-    return soaked, flow.summary.said, kept
+    return soaked, session.summary.said, kept
 
 
 async def _weigh(soaked: Soaked) -> None:

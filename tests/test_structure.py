@@ -23,8 +23,6 @@ ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "
 MAX_MODULES = 15
 ONE_FILE_EACH = {"app/commands", "app/rig/simulated/injected_effects", "app/sim/effects", "app/tasks"}
 """Folders that grow by a file with each command, effect or task."""
-CROWDED = {"app/flow": 22}
-"""Other folders of more modules, and how many they have at most."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -94,8 +92,7 @@ def test_a_folder_is_small_enough_to_be_known():
     folders = defaultdict[str, int](int)
     for file in MODULES:
         folders[name(file.parent)] += file.stem != "__init__"
-    most = {folder: CROWDED.get(folder, MAX_MODULES) for folder in folders.keys() - ONE_FILE_EACH}
-    crowded = {folder: folders[folder] for folder in most if folders[folder] > most[folder]}
+    crowded = {each: count for each, count in folders.items() if count > MAX_MODULES and each not in ONE_FILE_EACH}
     assert not crowded, "give these modules rooms, by what they do"
 
 
@@ -109,8 +106,8 @@ def test_a_public_class_name_is_defined_once():
     assert not several, "give the less central of them a more specific name, in the field's words"
 
 
-@pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/flow")], ids=name)
-def test_the_flow_has_its_time_from_its_clock(file):
+@pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/session")], ids=name)
+def test_the_session_has_its_time_from_its_clock(file):
     called = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
     imported = {alias.name for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom) for alias in node.names}
     owned = {"sleep_until", "move_on_at", "fail_after", "fail_at", "current_time", "deadline", "monotonic"}

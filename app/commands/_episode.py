@@ -1,4 +1,4 @@
-"""Common part of `run` and `console`: check, open the rig, the console and the recording, and run the flow."""
+"""Common part of `run` and `console`: check, open the rig, the console and the recording, and run the session."""
 
 import json
 import time
@@ -38,7 +38,6 @@ from app.core.system.gc_control import spared_collection
 from app.core.system.processes import in_real_time
 from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded
-from app.flow import Flow
 from app.jobs.goals import goal_of
 from app.jobs.probed import probed_subject
 from app.jobs.worker_api import check_model, choose_preset, shown_goal
@@ -46,6 +45,7 @@ from app.planner.method import Method
 from app.recording.exchange.model_file import load_model
 from app.recording.library.session_recorder import SessionRecorder, open_studio
 from app.recording.write.preflight import Room
+from app.session import Parts, Session
 from app.tasks import Task, load
 from app.tasks.elements.base import EpisodeConfig, Experiment
 from app.ui.terminal import Output, open_terminal
@@ -250,24 +250,26 @@ async def _run(
     planner: Worker,
     shelf: CameraShelf,
 ) -> tuple[Summary, DipacError | None]:
-    flow = Flow(
-        wish,
-        site=site,
-        rig=rig,
-        operator=audience,
-        recorder=recorder,
-        clock=SystemClock(),
-        planner=planner,
-        recording=recorder.path,
-        studio=recorder,
-        # What was recorded does not say where a camera stands now.
-        shelf=shelf if wish.answering else None,
+    session = Session(
+        Parts(
+            wish,
+            site=site,
+            rig=rig,
+            operator=audience,
+            recorder=recorder,
+            clock=SystemClock(),
+            planner=planner,
+            recording=recorder.path,
+            studio=recorder,
+            # What was recorded does not say where a camera stands now.
+            shelf=shelf if wish.answering else None,
+        )
     )
     try:
         with spared_collection(), in_real_time():
-            return await flow.run(), None
+            return await session.run(), None
     except DipacError as error:
-        return flow.summary, error
+        return session.summary, error
 
 
 def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> EpisodeConfig:

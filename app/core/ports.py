@@ -1,4 +1,4 @@
-"""Ports of the flow to the world, as small protocols. Rigs, the console and the recorder implement them."""
+"""Ports of a session to the world, as small protocols. Rigs, the console and the recorder implement them."""
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from app.core.types import ToolPose
 
 
 class Clock(Protocol):
-    """Time as a dependency: whoever runs the flow brings the machine's, or one that waits for nothing."""
+    """Time as a dependency: whoever runs a session brings the machine's, or one that waits for nothing."""
 
     def now(self) -> float:
         """Monotonic time [s]."""

@@ -1,4 +1,4 @@
-"""The application with its real rig, recorder, workers and flow, and what can be done wrong inside of it by order."""
+"""The application with its real rig, recorder, workers and session, and what can be done wrong in it by order."""
 
 import json
 import os
@@ -36,11 +36,11 @@ from app.core.messages import (
 from app.core.system.channel import ChannelFull, Lossless
 from app.core.system.processes import process
 from app.core.system.worker import Worker
-from app.flow import Flow
 from app.recording.library.session_recorder import open_studio
 from app.recording.write.preflight import Room
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
+from app.session import Parts, Session
 from app.tasks.elements.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from app.teleop import Pilot
@@ -126,9 +126,12 @@ class Attendant:
 class Orders:
     """Remote commands, by the names of the methods; each is called by the event loop."""
 
-    def __init__(self, flow: Flow, rig: SimulatedRig, faulty: FaultyRig, attendant: Attendant, hand: Hand) -> None:
-        self._flow, self._rig, self._cameras, self._attendant, self._hand = flow, rig, faulty.cameras, attendant, hand
-        self._clock = flow.clock
+    def __init__(
+        self, session: Session, rig: SimulatedRig, faulty: FaultyRig, attendant: Attendant, hand: Hand
+    ) -> None:
+        self._session, self._rig, self._cameras = session, rig, faulty.cameras
+        self._attendant, self._hand = attendant, hand
+        self._clock = session.parts.clock
 
     def mode(self, mode: ModeName) -> None:
         """Change the mode."""
@@ -210,11 +213,11 @@ class Orders:
 
     async def plans(self, plans: Plans) -> None:
         """Select the planner's motions from now on."""
-        await self._flow.planner.run(stand_in, plans)
+        await self._session.parts.planner.run(stand_in, plans)
 
     async def finds(self, finds: Finds) -> None:
         """Select perception's results from now on."""
-        await self._flow.sensing.perceiver.run(spoil_particles, finds)
+        await self._session.parts.sensing.perceiver.run(spoil_particles, finds)
 
 
 def _named(kind: str) -> dict[str, Any]:
@@ -246,30 +249,32 @@ async def application(folder: Path, *, calibrating: bool, budget_bytes: int | No
         await _witnessed(rig, folder)
         faulty = FaultyRig(rig)
         hand = Hand(Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=where.limits), _OPERATOR)
-        flow = Flow(
-            wish(calibrating=calibrating),
-            site=where,
-            rig=faulty,
-            operator=attendant,
-            recorder=recorder,
-            clock=clock,
-            planner=planner,
-            recording=recorder.path,
-            studio=recorder,
+        session = Session(
+            Parts(
+                wish(calibrating=calibrating),
+                site=where,
+                rig=faulty,
+                operator=attendant,
+                recorder=recorder,
+                clock=clock,
+                planner=planner,
+                recording=recorder.path,
+                studio=recorder,
+            )
         )
-        orders = Orders(flow, rig, faulty, attendant, hand)
-        failure = await _obeying(flow, orders, recorder.path)
+        orders = Orders(session, rig, faulty, attendant, hand)
+        failure = await _obeying(session, orders, recorder.path)
     if failure is not None:
         raise failure
 
 
-async def _obeying(flow: Flow, orders: Orders, recording: Path) -> DipacError | None:
-    """Run the flow, and execute orders; returns the error that ended it, if any."""
+async def _obeying(session: Session, orders: Orders, recording: Path) -> DipacError | None:
+    """Run the session, and execute orders; returns the error that ended it, if any."""
     async with BlockingPortal() as portal:
         threading.Thread(target=_obey, args=(portal, orders), daemon=True).start()
         said("begun", recording=str(recording))
         try:
-            await flow.run()
+            await session.run()
         except DipacError as error:
             return error
         finally:

@@ -19,7 +19,7 @@ from app.core.messages import Model, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.types import Points
 from bench.faults.place import KEPT_OUT
-from tests.flow.planner import Habits, take_up
+from tests.session.planner import Habits, take_up
 
 Plans: TypeAlias = Literal["sound", "nan", "outside", "keep out", "too fast", "backwards", "endless", "none"]
 """Kind of motions that the planner returns."""

@@ -17,8 +17,8 @@ from app.core.dialogue.jog import Jog
 from app.core.errors import MotionRefused
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
-from tests.flow.rig import TickedArm
 from tests.rig.scene import push
+from tests.session.rig import TickedArm
 
 LIMITS, TICK_S = Limits(), 0.01
 HOME = pointing_down(np.array([0.30, 0.0, 0.30]))

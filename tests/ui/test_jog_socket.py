@@ -7,7 +7,7 @@ import pytest
 from app.config import Site
 from app.core.messages import Executed
 from app.teleop import Pilot
-from tests.flow.rig import TickedArm
+from tests.session.rig import TickedArm
 from tests.ui import synthetic
 from tests.ui.test_console import opened
 from tests.ui.test_hostile import lease, line, page, sample, told

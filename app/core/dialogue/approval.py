@@ -97,7 +97,7 @@ class ApprovalGate:
 
 
 def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
-    """Approving decision of a mode without an operator. A flow that begins in that mode needs a simulated rig."""
+    """Approving decision of a mode without an operator. A session that begins in that mode needs a simulated rig."""
     return Decision(
         id=fresh_id("decision"),
         cause=(proposal.id,),

@@ -4,10 +4,10 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from typing import final
 
+from app.core.arm_pose_history import posed
 from app.core.geometry.arm_geometry import JointAngles, JointState
 from app.core.messages import ArmState
 from app.core.types import ToolPose
-from app.flow.arm_pose_history import posed
 
 
 @final

@@ -56,7 +56,7 @@ from app.rig.kinova.client.wire import FrameKind, KortexFrame
 from app.rig.kinova.emulator.arm import INVALID, NOT_FOUND, FakeArm, Rejected
 from app.rig.kinova.emulator.measured import feedback
 from app.rig.kinova.emulator.record import Record
-from app.rig.kinova.emulator.sessions import NO_SESSION, Session, Sessions
+from app.rig.kinova.emulator.sessions import NO_SESSION, ArmSession, Sessions
 from app.rig.kinova.emulator.validation import errors, reachable
 from app.rig.kinova.emulator.zones import well_formed
 
@@ -132,7 +132,7 @@ class Firmware:
                 self.arm.stop()
         self.arm.tick(now_s, duration_s)
 
-    def notifications(self) -> list[tuple[Session, KortexFrame]]:
+    def notifications(self) -> list[tuple[ArmSession, KortexFrame]]:
         """Events since the last call, for each session subscribed to them."""
         told, self.arm.told = self.arm.told, []
         topics = {each.told: each.call.function for each in (calls.ACTIONS, calls.ARM_STATES, calls.PROTECTION_ZONES)}
@@ -153,7 +153,7 @@ class Firmware:
         session = self.sessions.create(info, address)
         return _reply(dataclasses.replace(frame, session=session.number), Empty())
 
-    def _subscribe(self, session: Session, function: int) -> Handle:
+    def _subscribe(self, session: ArmSession, function: int) -> Handle:
         self._subscriptions = self._subscriptions % 0xFFFF + 1
         session.topics[function] = self._subscriptions
         return Handle(identifier=self._subscriptions)
@@ -161,7 +161,7 @@ class Firmware:
     def _handled(
         self,
         frame: KortexFrame,
-        session: Session,
+        session: ArmSession,
         call: _AnyCall,
         handler: _Handler,
         now_s: float,
@@ -345,7 +345,7 @@ def _failed(asked: KortexFrame, code: int, sub_code: int, said: str) -> KortexFr
     return dataclasses.replace(reply, error=code, sub_error=sub_code)
 
 
-def _notification(session: Session, handle: int, payload: bytes) -> KortexFrame:
+def _notification(session: ArmSession, handle: int, payload: bytes) -> KortexFrame:
     return KortexFrame(
         kind=FrameKind.NOTIFICATION,
         service=Service.BASE,

@@ -14,7 +14,7 @@ WRONG_PASSWORD, NO_USER, NO_SESSION = 15, 16, 12
 
 @final
 @dataclass(kw_only=True)
-class Session:
+class ArmSession:
     """An open session; `halted` once its silence has stopped its motions.
 
     `heard` since the last tick; silence is counted in ticks, so that a delay of the emulator itself does not count.
@@ -36,13 +36,13 @@ class Sessions:
     """The open sessions."""
 
     def __init__(self) -> None:
-        self._open: dict[int, Session] = {}
+        self._open: dict[int, ArmSession] = {}
         self._made = 0
 
-    def __iter__(self) -> Iterator[Session]:
+    def __iter__(self) -> Iterator[ArmSession]:
         return iter(tuple(self._open.values()))
 
-    def get(self, number: int) -> Session | None:
+    def get(self, number: int) -> ArmSession | None:
         """The open session of that number, None where there is none."""
         return self._open.get(number)
 
@@ -52,10 +52,10 @@ class Sessions:
             return NO_USER
         return 0 if info.password == PASSWORD else WRONG_PASSWORD
 
-    def create(self, info: SessionInfo, address: object) -> Session:
+    def create(self, info: SessionInfo, address: object) -> ArmSession:
         """Open a session."""
         self._made = self._made % 0xFFFF + 1
-        session = Session(
+        session = ArmSession(
             number=self._made,
             closes_after_s=info.session_inactivity_timeout / 1e3,
             stops_after_s=info.connection_inactivity_timeout / 1e3,
@@ -68,13 +68,13 @@ class Sessions:
         """Close the session."""
         self._open.pop(number, None)
 
-    def hear(self, session: Session) -> None:
+    def hear(self, session: ArmSession) -> None:
         """Note a sign of life of the session."""
         session.heard, session.halted = True, False
 
-    def silent(self, duration_s: float) -> list[Session]:
+    def silent(self, duration_s: float) -> list[ArmSession]:
         """Sessions whose motions must stop after this tick; those silent for longer still are closed."""
-        found = list[Session]()
+        found = list[ArmSession]()
         for session in self:
             session.silence_s = 0.0 if session.heard else session.silence_s + duration_s
             session.heard = False

@@ -1,0 +1,191 @@
+"""The planner's process: warmed up, asked for plans, and asked again where it fails."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.config import Site
+from app.core.announcer import MessageBus
+from app.core.dialogue.requests import EditRequest
+from app.core.errors import DipacError, PlanningError, WorkerError
+from app.core.geometry.orientation import UNKNOWN, Orientation
+from app.core.messages import MessageId, Model, Particles, Proposal, Transition
+from app.core.ports import Clock
+from app.core.system.channel import Latest
+from app.core.system.worker import Worker
+from app.core.types import Centreline, Points, ToolPose
+from app.jobs.edited import edited_plan
+from app.jobs.worker_api import (
+    RECENT,
+    doubt,
+    nominal_model,
+    plan,
+    track_orientation,
+    uncalibrated_model,
+    warm_up_stage,
+    warm_up_stages,
+)
+from app.session.suggested_push import Asking, Probing
+from app.tasks.elements.base import EpisodeConfig
+
+if TYPE_CHECKING:  # The planner is loaded in its own process alone.
+    from app.planner.search.plan import Plan
+
+FAILURES_IN_A_ROW = 3
+_NOTHING = ""
+
+
+@final
+class Planning:
+    """Maker of proposals. Requested pushes take precedence over the planner's."""
+
+    def __init__(
+        self, wish: EpisodeConfig, planner: Worker, site: Site, probing: Probing, announcer: MessageBus, clock: Clock
+    ) -> None:
+        self._announcer, self._clock = announcer, clock
+        self._planner, self._site = planner, site
+        self._asking = Asking(wish, announcer, planner, site, probing)
+        self._compiling = Latest[str]("compiling")
+        self._changed: tuple[int, Proposal] | None = None
+        self._doubted = ""
+        self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
+        self._predicted: dict[MessageId, Centreline] = {}
+        self._near: Centreline | None = None
+        self._orientation = UNKNOWN
+        self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
+
+    async def begin(self, wish: EpisodeConfig, do: Callable[[str], None]) -> Model:
+        """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
+        do("starting the planner")
+        known = nominal_model if wish.method.calibrated else uncalibrated_model
+        return self._announcer.say(wish.model or await self._planner.run(known, wish.task.name))
+
+    async def warm_up(self, wish: EpisodeConfig, model: Model) -> None:
+        """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
+        planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
+        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method, self._site)):
+            self._compiling.put(stage)
+            await planner.run(warm_up_stage, task, preset, index, model, method, self._site)
+        self._compiling.put(_NOTHING)
+
+    async def warm(self, do: Callable[[str], None]) -> None:
+        """Wait until all is compiled; `do` reports each stage."""
+        async for stage in self._compiling.changes():
+            if stage == _NOTHING:
+                return
+            do(f"compiling {stage}")
+
+    def decided(self, proposal: Proposal, *, approved: bool) -> None:
+        """React to a decision. A rejected plan is not proposed again before something has moved."""
+        self._asking.answered()
+        self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
+        if approved:
+            self._near = None
+
+    def keep_prediction(self, proposal: Proposal) -> None:
+        """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted."""
+        self._near = self._predicted.get(proposal.id)
+
+    def note_transition(self, transition: Transition, model: Model) -> None:
+        """Note a motion that was seen, by which the next plan follows the object's ends."""
+        self._seen.append((transition, model))
+
+    def discard_prediction(self) -> None:
+        """Forget the prediction, and rejected or changed plans: the object lies elsewhere."""
+        self._near = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget rejected and changed plans: the object may have moved, or the goal is another."""
+        self._rejected, self._changed = (), None
+
+    async def changed(
+        self, wish: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model
+    ) -> Proposal | None:
+        """The plan that is shown with the requested change; None if it is infeasible, which is announced."""
+        began_s, goal = self._clock.now(), wish.goal.positions
+        index = shown.best if request.branch < 0 else request.branch
+        try:
+            found = await self._planner.run(
+                *(edited_plan, wish.task.name, wish.preset, observed.positions, goal, model, shown.branches, index),
+                *(request.start, request.end, self._site, self._near, self._orientation),
+            )
+        except (PlanningError, WorkerError) as error:
+            self._announcer.notice("edit", f"The edited motion cannot be offered. {error}")
+            return None
+        return self._propose(wish, found, observed, model, (began_s, self._clock.now()))
+
+    def offer_next(self, changed: Proposal, at: int) -> None:
+        """Propose it before the next plan, unless plans have become void since `at` (`SessionState.interruptions`)."""
+        self._changed = at, changed
+
+    async def proposal(
+        self, wish: EpisodeConfig, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...], *, at: int
+    ) -> Proposal:
+        """A plan; where the planner fails, another with other random branches. The third error in a row is raised.
+
+        What the operator made of a plan goes before what discovery asks for, and both before the planner's own; unless
+        plans have become void since: `at` is how often they had (`SessionState.interruptions`).
+        """
+        changed, self._changed = self._changed, None
+        if changed is not None and changed[0] == at:
+            return self._announcer.say(changed[1])
+        self._predicted.clear()
+        await self._track(wish)
+        started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
+        lies = self._near, self._orientation
+        for attempt in range(FAILURES_IN_A_ROW):
+            seed = hash((*seeds, attempt)) % 2**31
+            try:
+                found = await self._asking.plan(observed, goal, model, *lies) or await self._planner.run(
+                    *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
+                    *(self._rejected, *lies),
+                )
+            except (PlanningError, WorkerError) as error:
+                self._announcer.fault("planner", error)
+                if attempt + 1 == FAILURES_IN_A_ROW:
+                    raise
+            else:
+                await self._doubt(wish, x)
+                now_s = self._clock.now()
+                return self._announcer.say(self._propose(wish, found, observed, model, (started_s, now_s)))
+        raise AssertionError("the last attempt returns or raises")
+
+    def _propose(
+        self, wish: EpisodeConfig, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
+    ) -> Proposal:
+        """A plan made from one time to another, whose prediction helps to find the rope once it is carried out."""
+        proposal = wish.proposal(found, observed, model, began_s=lasted_s[0], now_s=lasted_s[1])
+        self._predicted[proposal.id] = found.centreline
+        return proposal
+
+    async def _track(self, wish: EpisodeConfig) -> None:
+        """Follow the object's ends through what was seen, and say it where they become known."""
+        while self._seen:
+            transition, model = self._seen.popleft()
+            before = self._orientation
+            try:
+                self._orientation = await self._planner.run(
+                    track_orientation, wish.task.name, before, transition, model
+                )
+            except DipacError as error:
+                self._announcer.fault("orientation", error)
+            if self._orientation.known and not before.known:
+                self._announcer.notice("orientation", _found(self._orientation), transition.id)
+
+    async def _doubt(self, wish: EpisodeConfig, x: Points) -> None:
+        """Say, once, what makes it doubtful that the simulation begins where the object is."""
+        said = await self._planner.run(doubt, wish.task.name, x, self._near)
+        if said and said != self._doubted:
+            self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
+        self._doubted = said
+
+
+def _found(orientation: Orientation) -> str:
+    return (
+        f"Which end of the object is the model's first one is known now, with a probability of "
+        f"{orientation.probability:.2f}: plans heed all effects along it."
+    )

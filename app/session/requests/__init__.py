@@ -1,0 +1,1 @@
+"""Requests of an operator besides modes and decisions: goals, models, demonstrations, calibrations."""

@@ -1,0 +1,271 @@
+"""Rules of a session: modes, stops, approval, edits, the checklist, and what is enough. Pure.
+
+`reduce` alone decides; whoever holds the state publishes its commands, and gives up what the new state does not allow.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+from app.core.dialogue.checklist import CheckItem, ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
+from app.core.dialogue.requests import EditRequest
+from app.core.messages import Decision, MessageId, StopRequest
+from app.session.state import (
+    PAUSE_S,
+    UNATTENDED_S,
+    Announce,
+    AnnounceChecklist,
+    AnnounceMode,
+    Event,
+    Failure,
+    HandRefusal,
+    Inspection,
+    Interruption,
+    ModeChoice,
+    MotionEnd,
+    Observation,
+    Offer,
+    PauseEnd,
+    PlanAssessment,
+    Reconfiguration,
+    Reduced,
+    Resumption,
+    SessionState,
+    UnaskedMotion,
+    Withdrawal,
+)
+
+MOST_MOTIONS: Final = 1000
+"""Largest number of motions without approval that may be asked for."""
+FUTILE_PLANS: Final = 2
+"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
+_EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
+_MOST_PAUSES: Final = 3
+"""Most pauses in a row of an unattended run that goes on by itself."""
+_BY_CAMERAS: Final = ("cameras", "calibration", "object")
+"""Items of the checklist that a hand, which goes by a person's eyes, does not need."""
+
+
+def reduce(state: SessionState, event: Event) -> Reduced:
+    """The state after the event."""
+    match event:
+        case ModeChoice():
+            return _mode_asked(state, event)
+        case EndRequest():
+            return Reduced(_left(replace(state, ended=True)))
+        case Lease():
+            return _control_transferred(state, event)
+        case StopRequest():
+            return _held(replace(state, pressed=True), f"Stopped by {event.operator}.")
+        case Decision():
+            return _decided(state, event)
+        case EditRequest():
+            return _edited(state, event)
+        case ChecklistRequest():
+            return _confirmed(state, event)
+        case Interruption():
+            return Reduced(_interrupted(state, event.why))
+        case Reconfiguration():
+            return Reduced(_interrupted(replace(state, wish=event.wish), event.why))
+        case Offer():
+            return Reduced(replace(state, pending=event.proposal, decision=None))
+        case Withdrawal():
+            late = (_not_shown(state.decision),) if state.decision and state.decision is not event.heeded else ()
+            return Reduced(replace(state, pending=None, decision=None), late)
+        case PlanAssessment():
+            return _weighed(state, event)
+        case Observation():
+            return _observed(state, event)
+        case UnaskedMotion():
+            return _counted(state)
+        case Failure():
+            return _mode_set(state, "idle", "something failed; see the messages, then choose a mode")
+        case HandRefusal():
+            return _held(state, event.why)
+        case MotionEnd():
+            return _motion_ended(state, event)
+        case PauseEnd():
+            return Reduced(replace(state, goes_on=False, pauses=state.pauses + 1))
+        case Resumption():
+            state = replace(state, stopped=False, resumed_s=event.now_s, tried=state.pressed)
+            return Reduced(state, (Announce("stop", f"Resumed by {event.operator}."),))
+        case Inspection():
+            return _inspected(state, event.items)
+
+
+# Modes: one that was asked for at a console lasts no longer than it is safe. Automatic ends with a stop, and when the
+# operator who asked for it loses control; the one that the program began in ends with a request alone. ----------------
+
+
+def _mode_asked(state: SessionState, event: ModeChoice) -> Reduced:
+    request, state = event.request, replace(state, pushes_before=event.pushes)
+    if request.mode == "automatic" and (refusal := _refusal(state, request)):
+        return Reduced(state, (Announce("mode", refusal, (request.id,)),))
+    why, same = f"asked for by {request.operator}", request.mode == state.mode != "automatic"
+    state = replace(state, holder=request.operator)
+    motions = request.motions if request.mode == "automatic" else 0
+    if same:  # What is under way is what is wanted.
+        return Reduced(replace(state, motions=motions, why=why), (AnnounceMode((request.id,)),))
+    return _mode_set(state, request.mode, why, request.id, motions=motions)
+
+
+def _refusal(state: SessionState, request: ModeRequest) -> str:
+    """The reason why so many motions are not made automatically; empty where they are."""
+    if state.automatic == "never":
+        return "This arm is real: approve each motion, or start `dipac console` with --allow-automatic."
+    if state.automatic == "confirmed" and not request.confirmed:
+        return "This arm is real: confirm that its motions shall be made without approval."
+    possible = 0 < request.motions <= MOST_MOTIONS
+    return "" if possible else f"{request.motions} motions were asked for; automatic is for 1 to {MOST_MOTIONS}."
+
+
+def _mode_set(state: SessionState, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> Reduced:
+    """Change to `mode`; what waits under the old one is given up."""
+    return Reduced(_left(replace(state, mode=mode, why=why, motions=motions)), (AnnounceMode(cause),))
+
+
+def _left(state: SessionState) -> SessionState:
+    return _interrupted(replace(state, mode_changes=state.mode_changes + 1), "was made in another mode")
+
+
+def _interrupted(state: SessionState, why: str) -> SessionState:
+    return replace(state, interruptions=state.interruptions + 1, interrupted=why)
+
+
+def _control_transferred(state: SessionState, lease: Lease) -> Reduced:
+    """Take the mode, and the checklist before it is passed, from an operator who has lost control."""
+    if any(operator != lease.holder for operator in state.confirmed.values()):
+        state = replace(state, confirmed={}, by_hand=state.by_hand and state.passed)
+    if state.mode not in ("automatic", "teleoperate") or state.holder in ("", lease.holder):
+        return Reduced(state)
+    back: ModeName = "idle" if state.mode == "teleoperate" else "approve each"
+    return _mode_set(state, back, f"{state.holder} has no control any more", lease.id)
+
+
+def _counted(state: SessionState) -> Reduced:
+    """Count a motion without approval; the last one of a request ends the mode."""
+    if state.mode != "automatic":
+        return Reduced(state)
+    left = max(state.motions - 1, 0)
+    if left or not state.holder:
+        return Reduced(replace(state, motions=left), (AnnounceMode(),))
+    return _mode_set(state, "approve each", "the motions that were asked for are made")
+
+
+def _left_off(state: SessionState, why: str) -> Reduced:
+    """Wait for requests in a session that stays; end any other."""
+    if state.wish.staying:
+        return _mode_set(state, "idle", f"{why}; set another goal or choose a mode")
+    return Reduced(_left(replace(state, ended=True)))
+
+
+def _observed(state: SessionState, seen: Observation) -> Reduced:
+    """Leave off where the goal is reached, the experiment concluded, or the pushes are made."""
+    made = seen.pushes - state.pushes_before
+    counted = state.wish.staying and state.mode == "automatic"  # The mode itself counts these.
+    if seen.concluded:
+        return _left_off(state, seen.concluded)
+    if seen.reached:
+        return _left_off(state, "the goal is reached")
+    if counted or seen.experiment or made < state.wish.pushes:
+        return Reduced(state)
+    return _left_off(state, f"{made} motions were made")
+
+
+def _weighed(state: SessionState, event: PlanAssessment) -> Reduced:
+    """Leave off after so many plans in a row that are no better than no motion."""
+    if event.worth:
+        return Reduced(replace(state, futile=0))
+    # What was exhausted begins anew: somebody has chosen to go on.
+    state = replace(state, futile=state.futile % FUTILE_PLANS + 1)
+    said = "The best motion found is no better than none, by the model; it is not made."
+    notice = Announce("plan", said, (event.proposal.id,))
+    if state.futile < FUTILE_PLANS:
+        return Reduced(state, (notice,))
+    state, commands = _left_off(state, _EXHAUSTED)
+    return Reduced(state, (notice, *commands))
+
+
+# Stops: nothing moves from a stop until an operator resumes. ----------------------------------------------------------
+
+
+def _held(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
+    """Forbid motion until somebody resumes, and void the plan that is shown."""
+    state = replace(state, stopped=True, goes_on=goes_on and state.wish.automatic and state.pauses < _MOST_PAUSES)
+    state, commands = _interrupted(state, "was made before the stop; planning again"), ()
+    if state.mode == "automatic" and state.holder:
+        state, commands = _mode_set(state, "approve each", "the arm was stopped")
+    until = f" within {UNATTENDED_S:.0f} s" if state.wish.automatic else ""
+    onward = f"Press Resume in the console{until} to go on."
+    if state.goes_on:
+        onward = f"Nothing real moves, so the run goes on by itself in {PAUSE_S:.0f} s unless somebody presses STOP."
+    return Reduced(state, (*commands, Announce("stop", f"{why.rstrip('.')}. {onward}")))
+
+
+def _motion_ended(state: SessionState, event: MotionEnd) -> Reduced:
+    """Hold where the arm itself ended a motion before its time."""
+    executed = event.executed
+    if executed.outcome == "completed":
+        return Reduced(replace(state, pauses=0))
+    if executed.time_s <= state.resumed_s:
+        return Reduced(state)
+    own = executed.outcome == "stopped" and not event.held
+    return _held(state, executed.reason, goes_on=own and not state.stopped)
+
+
+# Decisions and edits are about the plan that is shown, and no other. --------------------------------------------------
+
+
+def _decided(state: SessionState, decision: Decision) -> Reduced:
+    pending = state.pending
+    waited_for = pending is not None and pending.id == decision.proposal_id and state.decision is None
+    if not waited_for or state.mode == "automatic":
+        return Reduced(state, (_not_shown(decision),))
+    return Reduced(replace(state, decision=decision))
+
+
+def _not_shown(decision: Decision) -> Announce:
+    return Announce("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
+
+
+def _edited(state: SessionState, request: EditRequest) -> Reduced:
+    if state.pending is not None and state.pending.id == request.proposal_id:
+        return Reduced(state)
+    return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))
+
+
+# The checklist: an operator in control confirms all that a person can; the rest is what the program finds. ------------
+
+
+def _confirmed(state: SessionState, request: ChecklistRequest) -> Reduced:
+    if state.passed:
+        return Reduced(state)
+    if request.key not in state.confirmable:
+        return Reduced(state, (Announce("checklist", f"The checklist has no item {request.key!r}.", (request.id,)),))
+    return Reduced(replace(state, confirmed={**state.confirmed, request.key: request.operator}))
+
+
+def _inspected(state: SessionState, found: tuple[CheckItem, ...]) -> Reduced:
+    untried = "now press Resume" if state.stopped else "press STOP in the bar above, and then Resume"
+    stop = found_item("stop", "STOP works: it was pressed in this session, and lifted.", "" if state.tried else untried)
+    items = (*found, stop, *(_personal(key, text, state) for key, text in state.confirmable.items()))
+    # Once the tool could be jogged, it stays so: an arm that a hand moves does not rest.
+    by_hand = state.by_hand or all(item.right for item in items if item.key not in _BY_CAMERAS)
+    passed = all(item.right for item in items)
+    changed, complete = items != state.items, passed and not state.passed
+    said = (AnnounceChecklist(),) if changed else ()
+    completed = (Announce("checklist", "The checklist is complete; motions may be approved."),) if complete else ()
+    # What was passed stays so for the session.
+    state = replace(state, items=items, by_hand=by_hand, passed=passed or state.passed)
+    return Reduced(state, (*said, *completed))
+
+
+def _personal(key: str, text: str, state: SessionState) -> CheckItem:
+    operator = state.confirmed.get(key, "")
+    said = f"confirmed by {operator}" if operator else ""
+    return CheckItem(key=key, text=text, by="operator", right=bool(operator), said=said)
+
+
+def found_item(key: str, text: str, wrong: str) -> CheckItem:
+    """Item of the checklist that the program finds right, or `wrong` for this reason."""
+    return CheckItem(key=key, text=text, by="program", right=not wrong, said=wrong)

@@ -1,0 +1,241 @@
+"""State of a session, the events that change it, and the commands that follow; `rules.py` says how."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, TypeAlias, final
+
+from app.core.dialogue.checklist import CheckItem, ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
+from app.core.dialogue.requests import EditRequest
+from app.core.messages import Decision, Executed, MessageId, Proposal, StopRequest
+from app.tasks.elements.base import EpisodeConfig
+
+Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
+"""Policy for unattended motion: allowed on request, after confirmation, or never."""
+UNATTENDED_S: Final = 120.0
+"""Timeout of a run with automatic approval for a resume after a stop."""
+PAUSE_S: Final = 5.0
+"""Pause before such a run goes on by itself if only the arm's own process stopped it."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SessionState:
+    """All that the rules depend on.
+
+    `mode` was asked for by `holder`, by nobody if the program began in it; `mode_changes` counts its ends.
+    `interruptions` counts the times that plans became void, the last time because the plan `interrupted`.
+    `pending`: the plan that a decision is waited for; `decision`: the first one on it. `pushes_before`: pushes made
+    before the present mode was asked for. `futile`: plans in a row that were no better than no motion.
+
+    `stopped`: nothing moves until somebody resumes; `tried`: STOP was `pressed` in this session, and lifted.
+    A run without an operator is unattended: after a stop that nobody pressed, most often of a computer that is too
+    busy, it `goes_on` by itself after a pause, but not after so many `pauses` in a row. Nothing real moves in it.
+
+    `confirmable`: items of the checklist that a person confirms, by key; `confirmed`: the operators who did. Nothing
+    moves before it is `passed`; the tool may be jogged before that, `by_hand`, until control changes hands.
+    """
+
+    wish: EpisodeConfig
+    automatic: Automatic
+
+    mode: ModeName
+    motions: int
+    why: str = ""
+    holder: str = ""
+    mode_changes: int = 0
+    ended: bool = False
+
+    interruptions: int = 0
+    interrupted: str = ""
+    pending: Proposal | None = None
+    decision: Decision | None = None
+    pushes_before: int = 0
+    futile: int = 0
+
+    stopped: bool = False
+    resumed_s: float
+    pressed: bool = False
+    tried: bool = False
+    goes_on: bool = False
+    pauses: int = 0
+
+    confirmable: Mapping[str, str] = field(default_factory=dict[str, str])
+    confirmed: Mapping[str, str] = field(default_factory=dict[str, str])
+    items: tuple[CheckItem, ...] = ()
+    passed: bool = False
+    by_hand: bool = False
+
+    @property
+    def patience_s(self) -> float | None:
+        """Timeout of a stop [s]; None: it is waited for ever."""
+        if not self.wish.automatic:
+            return None
+        return PAUSE_S if self.goes_on else UNATTENDED_S
+
+    @property
+    def blocked_reason(self) -> str:
+        """The reason why nothing moves yet, as text; empty if motion is permitted."""
+        if self.passed:
+            return ""
+        open_items = "; ".join(item.text.rstrip(".") for item in self.items if not item.right)
+        return f"Nothing moves before the checklist is complete. Still open: {open_items or 'all of it'}."
+
+
+@final
+class Interruption(NamedTuple):
+    """Plans have become void; `why` completes "the plan ..."."""
+
+    why: str
+
+
+@final
+class Reconfiguration(NamedTuple):
+    """Another goal is planned for, or with another model; `why` as above."""
+
+    wish: EpisodeConfig
+    why: str
+
+
+@final
+class Offer(NamedTuple):
+    """A plan is shown, and a decision on it is waited for."""
+
+    proposal: Proposal
+
+
+@final
+class Withdrawal(NamedTuple):
+    """No decision is waited for any more; `heeded`: the one that ended it."""
+
+    heeded: Decision | None
+
+
+@final
+class PlanAssessment(NamedTuple):
+    """A plan in automatic mode is worth to be made, or it is no better than no motion."""
+
+    proposal: Proposal
+    worth: bool
+
+
+@final
+class Observation(NamedTuple):
+    """The object was seen, at its goal or not. `experiment`: pushes are chosen for what they say, or why no more are.
+
+    `pushes`: those made in the session.
+    """
+
+    reached: bool
+    pushes: int
+    experiment: bool
+    concluded: str
+
+
+@final
+class UnaskedMotion(NamedTuple):
+    """A motion without approval was made."""
+
+
+@final
+class Failure(NamedTuple):
+    """A turn failed in a session that goes on."""
+
+
+@final
+class HandRefusal(NamedTuple):
+    """The arm refuses to be moved by hand."""
+
+    why: str
+
+
+@final
+class MotionEnd(NamedTuple):
+    """A motion has ended; `held`: a stop of this program, and not of the arm's own process, is in force."""
+
+    executed: Executed
+    held: bool
+
+
+@final
+class PauseEnd(NamedTuple):
+    """An unattended run has paused for long enough."""
+
+
+@final
+class Resumption(NamedTuple):
+    """The arm has lifted its stop."""
+
+    operator: str
+    now_s: float
+
+
+@final
+class Inspection(NamedTuple):
+    """Items of the checklist as the program found them."""
+
+    items: tuple[CheckItem, ...]
+
+
+@final
+class ModeChoice(NamedTuple):
+    """A mode is asked for, after so many pushes."""
+
+    request: ModeRequest
+    pushes: int
+
+
+Event: TypeAlias = (
+    ModeChoice
+    | EndRequest
+    | Lease
+    | StopRequest
+    | Decision
+    | EditRequest
+    | ChecklistRequest
+    | Interruption
+    | Reconfiguration
+    | Offer
+    | Withdrawal
+    | PlanAssessment
+    | Observation
+    | UnaskedMotion
+    | Failure
+    | HandRefusal
+    | MotionEnd
+    | PauseEnd
+    | Resumption
+    | Inspection
+)
+
+
+@final
+class Announce(NamedTuple):
+    """Command to publish a notice `about` messages; a plan among them is withdrawn by it."""
+
+    where: str
+    text: str
+    about: tuple[MessageId, ...] = ()
+
+
+@final
+class AnnounceMode(NamedTuple):
+    """Command to publish the mode."""
+
+    cause: tuple[MessageId, ...] = ()
+
+
+@final
+class AnnounceChecklist(NamedTuple):
+    """Command to publish the checklist."""
+
+
+Command: TypeAlias = Announce | AnnounceMode | AnnounceChecklist
+
+
+@final
+class Reduced(NamedTuple):
+    """The next state, and what to announce, in order."""
+
+    state: SessionState
+    commands: tuple[Command, ...] = ()
