@@ -1,11 +1,12 @@
-"""One episode in lock step: perceive, plan, act, learn, again and again, as in the running application."""
+"""One episode in lock step, by the loop of the running application."""
 
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias, final
+from typing import Literal, NamedTuple, TypeAlias, final
 
+import anyio
 import numpy as np
 
 from app.config import Site
@@ -19,6 +20,7 @@ from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
 from app.rig.simulated.lockstep import LockStep
+from app.session.loop import go_round
 from app.tasks.elements.base import Task
 
 Eyes: TypeAlias = Literal["cameras", "truth"]
@@ -94,59 +96,97 @@ Listener: TypeAlias = Callable[[EpisodeStep], None]
 
 def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | None = None) -> EpisodeResults:
     """Play until the object is seen where it shall be, the actions are used up, or something fails."""
-    episode, played = _Episode(order, site or Site()), EpisodeResults()
+    stages = _LockStepStages(order, site or Site(), listen)
     try:
-        episode.run(played, listen)
+        anyio.run(stages.run)
     except DipacError as error:
-        played.failure = str(error)
-    return played
+        stages.played.failure = str(error)
+    return stages.played
+
+
+class _Made(NamedTuple):
+    """Plan, and its motion as it was made."""
+
+    plan: Plan
+    executed: Executed
 
 
 @final
-class _Episode:
-    """The cell, and the method's knowledge of it."""
+class _LockStepStages:
+    """Stages of the loop in a cell that stands still while a method thinks; and the method's knowledge of the cell.
 
-    def __init__(self, order: EvaluationConfig, site: Site) -> None:
+    `played`: the results so far, even after a failure.
+    """
+
+    def __init__(self, order: EvaluationConfig, site: Site, listen: Listener | None) -> None:
         self._order, self._site, self._task = order, site, order.task
         self._count = order.task.preset(order.preset).particle_count
         self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
         self._goal, self._model = order.task.goal(order.seed, self._count), order.model
-        self._method = order.method
+        self._method, self._listen = order.method, listen
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
         self._near: Centreline | None = None
         self._orientation = UNKNOWN
+        self.played, self._over = EpisodeResults(), False
 
-    def run(self, played: EpisodeResults, listen: Listener | None) -> None:
-        """Play into `played`, which holds the results so far even after a failure."""
-        self._judge(played)
-        before, actions = self._see(), self._order.actions
+    async def run(self) -> None:
+        """Go round until it is over. Raises the DipacError that ends it before."""
+        self._judge()
+        self._seen = self._see()
+        while not self._over:
+            await go_round(self)
+
+    async def observe(self) -> Particles | None:
+        """The object as it was seen last; None where it is at the goal, or the actions are used up."""
+        played, actions = self.played, self._order.actions
         limit = self._task.horizon if actions is None else actions
-        while True:
-            if played.done is None and self._task.ended(before.positions, self._goal, self._cell.tool):
-                played.done = len(played.decision_s)
-            if len(played.decision_s) >= limit or (played.done is not None and not self._order.play_on):
-                return
-            frames, began_s = self._frames, time.perf_counter()
-            plan = self._plan(before.positions, len(played.decision_s))
-            played.decision_s.append(time.perf_counter() - began_s)
-            self._remember(before.positions)
-            executed, self._near = self._cell.execute(plan.motion), plan.centreline
-            self._judge(played)
-            after = self._see()
-            learnt = self._learn(before, executed, after)
-            played.models.append(self._model)
-            if listen is not None:
-                listen(
-                    EpisodeStep(
-                        frames=frames, before=before, plan=plan, transition=learnt, after=after, model=self._model
-                    )
-                )
-            before = after
+        if played.done is None and self._task.ended(self._seen.positions, self._goal, self._cell.tool):
+            played.done = len(played.decision_s)
+        at_goal = played.done is not None and not self._order.play_on
+        self._over = at_goal or len(played.decision_s) >= limit
+        return None if self._over else self._seen
 
-    def _judge(self, played: EpisodeResults) -> None:
+    async def plan(self, observed: Particles) -> Plan:
+        """The method's plan. Raises PlanningError where it finds none."""
+        began_s = time.perf_counter()
+        plan = self._plan(observed.positions, len(self.played.decision_s))
+        self.played.decision_s.append(time.perf_counter() - began_s)
+        self._remember(observed.positions)
+        return plan
+
+    async def approve(self, plan: Plan) -> Plan:
+        """The plan: nobody is asked, and nothing moves while it is made."""
+        return plan
+
+    async def execute(self, leave: Plan) -> _Made:
+        """The motion as the cell made it. Raises MotionRefused where the arm's limits do not allow it."""
+        made = _Made(leave, self._cell.execute(leave.motion))
+        self._near = leave.centreline
+        self._judge()
+        return made
+
+    async def learn(self, made: _Made) -> None:
+        """Look at what came of it, and learn from it."""
+        frames, before, after = self._frames, self._seen, self._see()
+        transition = self._learn(before, made.executed, after)
+        self.played.models.append(self._model)
+        if self._listen is not None:
+            self._listen(
+                EpisodeStep(
+                    frames=frames,
+                    before=before,
+                    plan=made.plan,
+                    transition=transition,
+                    after=after,
+                    model=self._model,
+                )
+            )
+        self._seen = after
+
+    def _judge(self) -> None:
         """Score the state by the truth."""
-        x = self._task.particles(self._cell.nodes(), self._count)
+        played, x = self.played, self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
         played.share.append(self._task.aim.share(x, self._goal))
         played.reached.append(self._task.done(x, self._goal, self._cell.tool))
