@@ -34,7 +34,7 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ask_for_real_time()
     control = take(site)
-    loop = _Loop(memory, site, control)
+    loop = ControlLoop(memory, site, control)
     try:
         with spared_collection():
             loop.run(lambda: not memory.closing.value and os.getppid() == parent)
@@ -46,8 +46,8 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
 
 
 @final
-class _Loop:
-    """The control loop between two ticks."""
+class ControlLoop:
+    """The control loop of an arm between two ticks. `tick` has no clock."""
 
     def __init__(self, memory: ArmMemory, site: Site, control: Control) -> None:
         self._memory, self._site, self._timing = memory, site, site.timing

@@ -2,9 +2,7 @@
 
 import dataclasses
 import threading
-import time
-from multiprocessing.process import BaseProcess
-from typing import Any, Literal, final
+from typing import Any, Literal, Protocol, final
 
 import anyio
 import numpy as np
@@ -18,7 +16,9 @@ from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.geometry.arm_geometry import JointAngles
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
+from app.core.ports import Clock
 from app.core.rejection_codes import Refusal
+from app.core.system.clock import SystemClock
 from app.core.system.gc_control import paused_collection
 from app.core.types import ToolPose
 
@@ -28,12 +28,29 @@ _ANSWER_S, _CLEARED_S = 1.0, 5.0
 """Timeouts of a reset: until it is read, and until an arm has left its fault."""
 
 
+class Process(Protocol):
+    """The arm's process, as far as its client asks."""
+
+    @property
+    def exitcode(self) -> int | None:
+        """Exit code; None where it has not ended."""
+        ...
+
+    def is_alive(self) -> bool:
+        """True while it runs."""
+        ...
+
+
 @final
 class ProcessArm:
-    """Client of the arm's process: commands it through shared memory, and reads its log of states."""
+    """Client of the arm's process: commands it through shared memory, and reads its log of states.
 
-    def __init__(self, memory: ArmMemory, process: BaseProcess, site: Site) -> None:
+    `clock`: the time that states are dated in.
+    """
+
+    def __init__(self, memory: ArmMemory, process: Process, site: Site, clock: Clock | None = None) -> None:
         self._memory, self._process, self._site = memory, process, site
+        self._clock = clock or SystemClock()
         self._states_read = memory.states.count
         self._used: set[MessageId] = set()
         self._busy = False
@@ -119,7 +136,7 @@ class ProcessArm:
 
     def stop(self) -> None:
         """Stop now: one number in shared memory, no lock, no wait."""
-        self._memory.stop_ns.value = time.monotonic_ns()
+        self._memory.stop_ns.value = round(self._clock.now() * 1e9)
 
     @property
     def held(self) -> bool:
@@ -141,17 +158,17 @@ class ProcessArm:
             raise
 
     async def _lifted(self, request_ns: int) -> None:
-        memory, begun_s = self._memory, time.monotonic()
+        memory, begun_s = self._memory, self._clock.now()
         memory.reset_ns.value = max(memory.reset_ns.value, request_ns)
         while True:
-            state, waited_s = memory.states.newest(), time.monotonic() - begun_s
+            state, waited_s = memory.states.newest(), self._clock.now() - begun_s
             heard, mode = state["reset_ns"] >= request_ns, MODES[state["mode"]]
             free, superseded = mode in ("idle", "moving"), memory.stop_ns.value > request_ns
             if heard and free and not superseded:
                 return
             if (superseded and not free) or waited_s > (_CLEARED_S if heard else _ANSWER_S):
                 break
-            await anyio.sleep(self._site.timing.arm_period_s)
+            await self._clock.sleep(self._site.timing.arm_period_s)
         why = bytes(state["reason"]).decode(errors="ignore")
         raise DeviceError(
             f"The arm is still {mode}{f': {why}' if why else '.'} It was stopped again since, does not answer, or "
@@ -189,7 +206,7 @@ class ProcessArm:
         log = memory.states.since(seen)[:0]
         while (end := _rested(log, timing.jog_rest_s)) is None:
             memory.keepalives.value += 1
-            await anyio.sleep(timing.keepalive_s)
+            await self._clock.sleep(timing.keepalive_s)
             self._check_alive()
             states = memory.states.since(seen)
             seen += len(states)
@@ -216,7 +233,7 @@ class ProcessArm:
         number, log = memory.motions.count, memory.states.since(seen)[:0]
         while not len(log) or MODES[log["mode"][-1]] in ("moving", "stopping"):
             memory.keepalives.value += 1
-            await anyio.sleep(self._site.timing.keepalive_s)
+            await self._clock.sleep(self._site.timing.keepalive_s)
             self._check_alive()
             states = memory.states.since(seen)
             seen += len(states)
@@ -236,7 +253,7 @@ class ProcessArm:
             raise DeviceError(
                 f"The arm's process ended with code {self._process.exitcode}; close the rig and open it again."
             )
-        silence_s = time.monotonic() - float(self._memory.states.newest()["time_s"])
+        silence_s = self._clock.now() - float(self._memory.states.newest()["time_s"])
         if silence_s > _SILENCE_S:
             raise DeviceError(
                 f"The arm's process has said nothing for {silence_s:.1f} s; close the rig and open it again."

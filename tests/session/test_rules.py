@@ -141,6 +141,7 @@ def test_the_motions_of_a_request_are_counted_and_end_it() -> None:
         ("approve each", 0),
     ]
     assert counted[3].why == "the motions that were asked for are made"
+    assert counted[3].mode_changes == counted[4].mode_changes == 2
 
 
 def test_a_run_that_began_automatic_is_ended_by_no_count() -> None:
@@ -288,7 +289,8 @@ def test_it_pauses_three_times_in_a_row_and_no_more_until_a_motion_is_completed(
     own, again = motion_end("stopped"), (PauseEnd(), Resumption("the run", 11.0))
     thrice = after(state(automatic=True), *(own, *again) * 3).state
     assert not after(thrice, own).state.goes_on
-    assert after(thrice, motion_end("completed"), own).state.goes_on
+    anew = after(thrice, motion_end("completed"))
+    assert [after(anew.state, *(own, *again) * count, own).state.goes_on for count in range(4)] == [True] * 3 + [False]
 
 
 # Plans, decisions and edits -------------------------------------------------------------------------------------------

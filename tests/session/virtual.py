@@ -51,6 +51,10 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self._waiting.now_s += _MOMENT_S
         return self._waiting.now_s
 
+    def hang(self, duration_s: float) -> None:
+        """Let time pass in which nothing is done, as where a call holds the loop."""
+        self._waiting.now_s += duration_s
+
     async def compute(self, run: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """Await `run`, a call in a thread, with time standing still."""
         self._waiting.computing += 1

@@ -46,19 +46,19 @@ def run_world(
 ) -> None:
     """Body of the process: follow the arm's states until closed or until `parent` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    follower: _Follower | None = None
+    follower: WorldFollower | None = None
     while not arm.closing.value and os.getppid() == parent:
         if follower is None and arm.states.count:
             state = arm.states.newest()
             world = kind_of(stage).build(stage, start, 0.0)
             world.place(state["measured"])
-            follower = _Follower(world, arm.states, snapshots, float(state["time_s"]))
+            follower = WorldFollower(world, arm.states, snapshots, float(state["time_s"]))
         if follower is None or not follower.follow():
             time.sleep(period_s)
 
 
 @final
-class _Follower:
+class WorldFollower:
     """World that replays the arm's log."""
 
     def __init__(self, world: World, states: Ring, snapshots: Ring, start_s: float) -> None:
