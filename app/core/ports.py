@@ -2,7 +2,7 @@
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 import anyio
 
@@ -14,6 +14,8 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.hand_eye import HandEye
 from app.core.messages import ArmState, Executed, Frame, Message
 from app.core.types import ToolPose
+
+ResultT = TypeVar("ResultT")
 
 
 class Clock(Protocol):
@@ -29,6 +31,33 @@ class Clock(Protocol):
 
     def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
         """Cancel scope of what is given up after so long; None: never."""
+        ...
+
+
+class Computer(Protocol):
+    """Place where heavy functions are computed, one at a time: a process of its own, or this one."""
+
+    async def __aenter__(self) -> object:
+        """Open it."""
+        ...
+
+    async def __aexit__(self, *_: object) -> None:
+        """Give up what is being computed."""
+        ...
+
+    async def run(self, function: Callable[..., ResultT], *arguments: object) -> ResultT:
+        """`function(*arguments)`; both must be picklable.
+
+        Raises the DipacError that the function raises, and WorkerError where it raises anything else or takes too long.
+        """
+        ...
+
+
+class Computers(Protocol):
+    """Factory of computers: processes (`Worker`), unless somebody brings others."""
+
+    def __call__(self, name: str, *, niceness: int = 0, deadline_s: float = ...) -> Computer:
+        """A computer that yields to others by its niceness, and takes no longer for a call than `deadline_s`."""
         ...
 
 

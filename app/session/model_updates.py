@@ -9,7 +9,7 @@ from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ModelRequest
 from app.core.errors import DipacError, UsageError
 from app.core.messages import Model, Transition, fresh_id
-from app.core.ports import Clock
+from app.core.ports import Clock, Computer, Computers
 from app.core.system.channel import Latest, Lossless
 from app.core.system.worker import Worker
 from app.core.types import Points
@@ -24,10 +24,18 @@ class Learning:
     `done` of the transitions that were `submitted` have been dealt with.
     """
 
-    def __init__(self, wish: EpisodeConfig, planner: Worker, site: Site, announcer: MessageBus, clock: Clock) -> None:
+    def __init__(
+        self,
+        wish: EpisodeConfig,
+        planner: Computer,
+        site: Site,
+        announcer: MessageBus,
+        clock: Clock,
+        computers: Computers = Worker,
+    ) -> None:
         self.models = Latest[Model]("models")
         # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
-        self.calibrator = Worker("calibrator", niceness=10)
+        self.calibrator = computers("calibrator", niceness=10)
         self.done, self.submitted, self.busy = 0, 0, False
         self._wish, self._site = wish, site
         self._announcer, self._clock = announcer, clock
@@ -95,7 +103,7 @@ class Taken(NamedTuple):
 class Modelling:
     """Models of `task` in use, and their version numbers, which only grow, whoever made them."""
 
-    def __init__(self, task: str, announcer: MessageBus, planner: Worker) -> None:
+    def __init__(self, task: str, announcer: MessageBus, planner: Computer) -> None:
         self._task, self._announcer, self._planner = task, announcer, planner
         self._newest: int | None = None
 

@@ -7,7 +7,7 @@ from app.config import Site
 from app.core.announcer import MessageBus
 from app.core.dialogue.summary import Summary
 from app.core.errors import MotionRefused
-from app.core.ports import CameraShelf, Clock, Operator, Recorder, Rig, Studio
+from app.core.ports import CameraShelf, Clock, Computer, Computers, Operator, Recorder, Rig, Studio
 from app.core.rejection_codes import Refusal
 from app.core.system.worker import Worker
 from app.session.approving import Approving
@@ -30,7 +30,8 @@ from app.tasks.elements.base import EpisodeConfig
 class Parts:
     """All parts of a session. `store` holds its state, by which they wait for each other.
 
-    `recording`: where it is recorded; `studio`, `shelf`: for demonstrations, calibrations.
+    `planner`, and what `computers` makes: the places of heavy work. `recording`: where the session is recorded;
+    `studio`, `shelf`: for demonstrations, calibrations.
 
     Raises MotionRefused where a wish is automatic and something real can move.
     """
@@ -44,7 +45,8 @@ class Parts:
         operator: Operator,
         recorder: Recorder,
         clock: Clock,
-        planner: Worker,
+        planner: Computer,
+        computers: Computers = Worker,
         recording: Path | None = None,
         studio: Studio | None = None,
         shelf: CameraShelf | None = None,
@@ -57,8 +59,8 @@ class Parts:
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
         self.store = SessionStore(_initial(wish, site, rig, now_s=clock.now()), *by)
         self.latch = StopLatch(rig.arm, self.store, *by)
-        self.sensing = Sensing(rig, how, self.summary, *by)
-        self.learning = Learning(wish, planner, site, *by)
+        self.sensing = Sensing(rig, how, self.summary, *by, computers)
+        self.learning = Learning(wish, planner, site, *by, computers)
         self.probing = Probing(wish, planner, site, self.sensing, *by)
         self.planning = Planning(wish, planner, site, self.probing, *by)
         self.preflight = Preflight(rig, site, self.sensing, self.store, clock)
@@ -67,7 +69,7 @@ class Parts:
         self.reporting = Reporting(site, rig, self.summary, *by)
         self.aiming = Aiming({each.model.name: each.model for each in rig.cameras}, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
-        self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by)
+        self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by, computers)
 
 
 def _initial(wish: EpisodeConfig, site: Site, rig: Rig, *, now_s: float) -> SessionState:

@@ -17,7 +17,7 @@ from app.core.dialogue.segmentation_message import Seen
 from app.core.dialogue.summary import Summary
 from app.core.errors import DeviceError, DipacError, PerceptionError, UsageError, WorkerError
 from app.core.messages import Frame, Particles, fresh_id
-from app.core.ports import Camera, Clock, Rig
+from app.core.ports import Camera, Clock, Computers, Rig
 from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.perception.cloud.occlusion_memory import NOTHING
@@ -63,11 +63,19 @@ class Seeing:
 class Sensing:
     """Perception stage. `frames`: of each camera; `particles`: of all together, reconstructed as `seeing` says."""
 
-    def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: MessageBus, clock: Clock) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        how: Reconstruction,
+        summary: Summary,
+        announcer: MessageBus,
+        clock: Clock,
+        computers: Computers = Worker,
+    ) -> None:
         self.seeing = Seeing(how)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
-        self.perceiver = Worker("perception", niceness=_NICENESS, deadline_s=_PERCEPTION_S)
+        self.perceiver = computers("perception", niceness=_NICENESS, deadline_s=_PERCEPTION_S)
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)

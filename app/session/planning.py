@@ -13,9 +13,8 @@ from app.core.dialogue.requests import EditRequest
 from app.core.errors import DipacError, PlanningError, WorkerError
 from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import MessageId, Model, Particles, Proposal, Transition
-from app.core.ports import Clock
+from app.core.ports import Clock, Computer
 from app.core.system.channel import Latest
-from app.core.system.worker import Worker
 from app.core.types import Centreline, Points, ToolPose
 from app.jobs.edited import edited_plan
 from app.jobs.worker_api import (
@@ -43,7 +42,7 @@ class Planning:
     """Maker of proposals. Requested pushes take precedence over the planner's."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Worker, site: Site, probing: Probing, announcer: MessageBus, clock: Clock
+        self, wish: EpisodeConfig, planner: Computer, site: Site, probing: Probing, announcer: MessageBus, clock: Clock
     ) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site

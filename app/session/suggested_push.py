@@ -14,8 +14,7 @@ from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.geometry.track import Track
 from app.core.messages import Model, Particles, Transition, fresh_id
 from app.core.motion import Motion
-from app.core.ports import Clock
-from app.core.system.worker import Worker
+from app.core.ports import Clock, Computer
 from app.core.types import Centreline, Points
 from app.jobs.probed import Chosen, Weighed, belief_after, chosen_motion, unprobed
 from app.jobs.suggested_push import plan_of_suggestion
@@ -34,7 +33,7 @@ class Probing:
     """Chooses the pushes of the wish's experiment in the planner's process, and weighs causes after each batch."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Worker, site: Site, sensing: Sensing, announcer: MessageBus, clock: Clock
+        self, wish: EpisodeConfig, planner: Computer, site: Site, sensing: Sensing, announcer: MessageBus, clock: Clock
     ) -> None:
         self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
         self._opening = wish.opening
@@ -135,7 +134,7 @@ class Asking:
     """
 
     def __init__(
-        self, wish: EpisodeConfig, announcer: MessageBus, planner: Worker, site: Site, probing: Probing
+        self, wish: EpisodeConfig, announcer: MessageBus, planner: Computer, site: Site, probing: Probing
     ) -> None:
         self._task, self._site = wish.task.name, site
         self._announcer, self._planner = announcer, planner

@@ -34,7 +34,7 @@ from app.tasks.elements.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from tests.session.planner import Habits, planner_here, restored, take_up
 from tests.session.rig import Place, SmallRig
-from tests.session.virtual import VirtualClock
+from tests.session.virtual import VirtualClock, worker_here
 
 MessageT = TypeVar("MessageT", bound=Message)
 A_WHILE = 12
@@ -211,6 +211,7 @@ class Run:
                 recorder=self.log,
                 clock=VirtualClock(),
                 planner=self.planner,
+                computers=worker_here,
             )
         )
         self._error: Exception | None = None

@@ -23,7 +23,7 @@ from app.recording.exchange.calibration_file import CalibrationFile
 from app.session.requests.calibrating import Calibrating
 from bench.boards import LENS, Camera, cell, image
 from tests.session.cell import MemoryLog
-from tests.session.virtual import VirtualClock
+from tests.session.virtual import InsideWorker, VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -65,7 +65,9 @@ class Calibrated:
         )
         self.frames = {"camera0": Latest[Frame]("frames")}
         announcer = MessageBus(operator=self, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
-        self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, VirtualClock())
+        self.stage = Calibrating(
+            self, self.frames, CalibrationFile(path), SITE, announcer, VirtualClock(), InsideWorker
+        )
         self._rng = np.random.default_rng(0)
 
     @property

@@ -22,7 +22,7 @@ from app.tasks.rope_push import TASK
 from tests.perception.hiding import screened
 from tests.session.cell import MemoryLog
 from tests.session.rig import TickedArm, photographs, small_cameras
-from tests.session.virtual import VirtualClock
+from tests.session.virtual import InsideWorker, VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -109,7 +109,7 @@ async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, W
     photographs()
     screen, watcher, clock, summary = Screen(), Watcher(), VirtualClock(), Summary()
     announcer = MessageBus(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
-    sensing = Sensing(ScreenedRig(screen), how, summary, announcer, clock)
+    sensing = Sensing(ScreenedRig(screen), how, summary, announcer, clock, InsideWorker)
     with anyio.fail_after(PATIENCE_S):
         async with announcer.recording(), sensing.perceiver, anyio.create_task_group() as tasks:
             tasks.start_soon(sensing.run)

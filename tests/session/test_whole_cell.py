@@ -33,8 +33,8 @@ async def test_an_automatic_session_brings_the_rope_nearer_to_its_goal(tmp_path:
     )
     async with lockstep_rig(stage=task.stage, start=task.start(SEED), site=site, seed=SEED, clock=clock) as rig:
         person, log = Person(rig.arm.stop), MemoryLog()
-        planner = InsideWorker("planner")
-        parts = Parts(wish, site=site, rig=rig, operator=person, recorder=log, clock=clock, planner=planner)
+        ports = {"site": site, "rig": rig, "operator": person, "recorder": log, "clock": clock}
+        parts = Parts(wish, **ports, planner=InsideWorker("planner"), computers=InsideWorker)
         summary = await Session(parts).run()
     assert [made.outcome for made in person.all(Executed)] == ["completed"] * 2
     assert len(person.all(Outcome)) == summary.pushes == 2

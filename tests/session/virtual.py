@@ -113,7 +113,7 @@ def is_virtual() -> bool:
 
 
 def install(patch: pytest.MonkeyPatch) -> None:
-    """In virtual time, wait for threads, and let workers of the session be threads."""
+    """In virtual time, wait for threads."""
     run_sync = to_thread.run_sync
 
     async def waited_for(*arguments: Any, **options: Any) -> Any:
@@ -123,5 +123,3 @@ def install(patch: pytest.MonkeyPatch) -> None:
         return await run_sync(*arguments, **options)
 
     patch.setattr(to_thread, "run_sync", waited_for)
-    for module in ("perception_stage", "model_updates", "requests.calibrating"):
-        patch.setattr(f"app.session.{module}.Worker", worker_here)

@@ -19,7 +19,7 @@ from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import HandEye, LastCheck, Verdict
 from app.core.geometry.lens import Lens
 from app.core.messages import ArmState, Frame, fresh_id
-from app.core.ports import CameraShelf, Clock, Rig
+from app.core.ports import CameraShelf, Clock, Computers, Rig
 from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.core.types import Transform
@@ -44,11 +44,18 @@ class Calibrating:
     """One camera at a time. `shelf`: where calibrations are kept; without one, none is."""
 
     def __init__(
-        self, rig: Rig, frames: Frames, shelf: CameraShelf | None, site: Site, announcer: MessageBus, clock: Clock
+        self,
+        rig: Rig,
+        frames: Frames,
+        shelf: CameraShelf | None,
+        site: Site,
+        announcer: MessageBus,
+        clock: Clock,
+        computers: Computers = Worker,
     ) -> None:
         self._rig, self._frames, self._shelf, self._site = rig, frames, shelf, site
         self._announcer, self._clock = announcer, clock
-        self._worker = Worker("calibration", niceness=5)
+        self._worker = computers("calibration", niceness=5)
         self._models = {camera.model.name: camera.model for camera in rig.cameras}
         self._target: Target | None = None
         self._kept: HandEye | None = None

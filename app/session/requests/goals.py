@@ -12,8 +12,7 @@ from app.core.dialogue.requests import GoalRequest, GoalSource, PictureGoalReque
 from app.core.errors import DipacError, UsageError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, Goal, Model, fresh_id
-from app.core.ports import Clock
-from app.core.system.worker import Worker
+from app.core.ports import Clock, Computer
 from app.core.types import Cloud
 from app.jobs.goals import goal_of
 from app.jobs.worker_api import shown_goal
@@ -34,7 +33,7 @@ class Aiming:
     """Conversion of goal requests to episode configurations; failures are announced."""
 
     def __init__(
-        self, cameras: Mapping[str, CameraModel], perceiver: Worker, site: Site, announcer: MessageBus, clock: Clock
+        self, cameras: Mapping[str, CameraModel], perceiver: Computer, site: Site, announcer: MessageBus, clock: Clock
     ) -> None:
         self._announcer, self._clock, self._site = announcer, clock, site
         self._perceiver, self._cameras = perceiver, cameras
