@@ -13,7 +13,7 @@ from app.evaluation.episode import EpisodeStep, EvaluationConfig, Eyes, play
 from app.jobs.worker_api import nominal_model
 from app.planner.method import Method
 from app.tasks import load
-from app.tasks.elements.aim import SuccessCriterion
+from app.tasks.elements.success import SuccessCriterion
 
 
 @final
@@ -66,7 +66,7 @@ def main(
         order = EvaluationConfig(task=task, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
 
         def tell(step: EpisodeStep, seed: int = seed, goal: Points = goal) -> None:
-            made.append(sweep(seed, step, task.aim, goal))
+            made.append(sweep(seed, step, task.success, goal))
             print(json.dumps(asdict(made[-1])), flush=True)
 
         played = play(order, tell)

@@ -70,7 +70,7 @@ def glittering(frames: Sequence[Frame], rng: np.random.Generator) -> list[Frame]
     """Patches of a third of the object's pixels, elsewhere in each image, without a reading."""
     found: list[Frame] = []
     for frame in frames:
-        (mask,) = TASK.seeing.segmenting.masks(frame.color)
+        (mask,) = TASK.perception.segmenting.masks(frame.color)
         dots = (rng.random(mask.shape) < -np.log(1 - _GLITTER) / _PATCH**2).astype(np.uint8)
         holes = mask & (cv2.dilate(dots, np.ones((_PATCH, _PATCH), np.uint8)) > 0)
         found.append(replace(frame, depth=np.where(holes, 0, frame.depth).astype(np.uint16)))
@@ -106,7 +106,7 @@ def _rows(seed: int, flaw: Flaw) -> dict[str, Row | None]:
     rng = np.random.default_rng([seed, 3])
     before = photographed(TASK.stage, snapshot, rng, time_s=0.0)
     now = flaw(photographed(TASK.stage, snapshot, rng, time_s=1.0), rng)
-    how = replace(TASK.seeing, underside="thin") if flaw is flying else TASK.seeing
+    how = replace(TASK.perception, underside="thin") if flaw is flying else TASK.perception
     memory = reconstruct(before, how).memory
     steady = [filter_depth(frame, former) for frame, former in zip(now, before, strict=True)]
     ways: dict[str, tuple[list[Frame], Reconstruction, PriorKnowledge, list[Frame]]] = {
@@ -137,7 +137,7 @@ def _pixels(frames: list[Frame], snapshot: Snapshot) -> tuple[float, float]:
     lost, wrong, count = 0, 0, 0
     for frame, camera in zip(frames, table_cameras(), strict=True):
         color, exact = render(snapshot, camera, np.random.default_rng(0), stage=TASK.stage, noise=_PERFECT)
-        (mask,) = TASK.seeing.segmenting.masks(color)
+        (mask,) = TASK.perception.segmenting.masks(color)
         near = cv2.dilate(mask.astype(np.uint8), np.ones((11, 11), np.uint8)) > 0
         read = frame.depth[near].astype(float) * camera.depth_unit_m
         lost += int((read == 0).sum())

@@ -115,7 +115,7 @@ def _summed(scores: Sequence[tuple[float, float] | None]) -> list[str]:
 
 def ways(scene: Scene, seed: int) -> Ways:
     """The same frames seen in each way."""
-    how = scene.task.seeing
+    how = scene.task.perception
     rng = np.random.default_rng([seed, 7])
     before = photographed(scene.task.stage, scene.before, rng, time_s=0.0)
     now = photographed(_with_board(scene.task.stage, scene.board), scene.now, rng, time_s=1.0)

@@ -92,7 +92,7 @@ def scores(seeds: int) -> Iterator[tuple[str, Score]]:
     for seed in range(seeds):
         for name, snapshot in _situations(seed):
             tube = Tube(curve=snapshot.nodes, radius_m=TASK.rope.radius_m)
-            yield f"{seed} {name}", _score(_frames(snapshot, np.random.default_rng(seed)), TASK.seeing, tube)
+            yield f"{seed} {name}", _score(_frames(snapshot, np.random.default_rng(seed)), TASK.perception, tube)
 
 
 def _situations(seed: int) -> Iterator[tuple[str, Snapshot]]:

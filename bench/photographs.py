@@ -21,4 +21,4 @@ def rendered(task: Task, nodes: Nodes, seed: int) -> Points:
     for camera in table_cameras():
         color, depth = render(snapshot, camera, rng, stage=task.stage)
         frames.append(Frame(id=fresh_id("frame"), time_s=0.0, camera=camera, color=color, depth=depth))
-    return reconstruct(frames, task.seeing).positions
+    return reconstruct(frames, task.perception).positions

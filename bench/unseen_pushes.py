@@ -95,7 +95,7 @@ def _pushed(
         masked = _look(task, snapshot, rng, board=True, known=PriorKnowledge())
         stayed = _look(task, snapshot, rng, board=True, known=PriorKnowledge(memory=stayed.memory))
         went = _look(task, snapshot, rng, board=True, known=PriorKnowledge(memory=went.memory, way=np.array(way)))
-    truth = task.particles(world.nodes(), task.seeing.particle_count)
+    truth = task.particles(world.nodes(), task.perception.particle_count)
     ways = {"mask": masked, "kept": stayed, "carried": went}
     return {name: 1e3 * float(np.sqrt(chamfer_m2(each.positions, truth) / 2)) for name, each in ways.items()}
 
@@ -118,7 +118,7 @@ def _look(
         arm = replace(arm, limbs=(*arm.limbs, *slats(over)))
     frames = photographed(stage, snapshot, rng, time_s=snapshot.time_s)
     posture = JointState(joints=snapshot.joints, tool=snapshot.tool)
-    return reconstruct(frames, task.seeing, known=replace(known, arm=arm, postures=(posture,) * len(frames)))
+    return reconstruct(frames, task.perception, known=replace(known, arm=arm, postures=(posture,) * len(frames)))
 
 
 if __name__ == "__main__":

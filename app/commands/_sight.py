@@ -13,9 +13,9 @@ def seen_with(task: Task, segmenter: Path | None, *, depth: bool) -> Task:
 
     Raises UsageError where the file is no such network, and for a liquid without depth.
     """
-    how = replace(task.seeing, depth=depth)
+    how = replace(task.perception, depth=depth)
     if how.standing and not depth:
         raise UsageError(f"--no-depth: the level of the liquid of {task.name} cannot be told from its outline.")
     if segmenter is not None:
         how = replace(how, segmenter=load_segmenter(segmenter, 1 + (len(how.swimming.colours) if how.swimming else 0)))
-    return replace(task, seeing=how)
+    return replace(task, perception=how)

@@ -51,7 +51,7 @@ class Demonstration(NamedTuple):
 def demonstrations(
     task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted", world: RopeModel = "chain"
 ) -> Iterator[Demonstration]:
-    """Each episode of the expert, in the order of the seeds; of the task's lesson, where it has one."""
+    """Each episode of the expert, in the order of the seeds; of its training variant, where the task has one."""
     known = load(task).demonstrated
     known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:

@@ -188,7 +188,7 @@ class _LockStepStages:
         """Score the state by the truth."""
         played, x = self.played, self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
-        played.share.append(self._task.aim.share(x, self._goal))
+        played.share.append(self._task.success.share(x, self._goal))
         played.reached.append(self._task.done(x, self._goal, self._cell.tool))
 
     def _see(self) -> Particles:

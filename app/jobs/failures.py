@@ -51,7 +51,7 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
     data = load(task)
     why = "are not predicted" if data.dynamics == "rods" else "left their grid"
     about = f"{task}, transition {lost[0].id}, one of {len(lost)} that {why}"
-    return _left(task, about, phi, data.begin(jnp.asarray(first.before)), first.tool, site)
+    return _left(task, about, phi, data.initial_state(jnp.asarray(first.before)), first.tool, site)
 
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays, site: Site) -> str:

@@ -74,7 +74,7 @@ def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()
 @lru_cache
 def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromRest:
     """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
-    end, begin = end_from_state(task, particle_count, effects, stiff), load(task).begin
+    end, begin = end_from_state(task, particle_count, effects, stiff), load(task).initial_state
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
@@ -98,7 +98,7 @@ def end_from_state(task: str, particle_count: int, effects: tuple[Effect, ...] =
 @lru_cache
 def begun(task: str) -> Begin:
     """States of observed objects at rest, for use outside of compiled code, where a rope's order is found first."""
-    begin = load(task).begin
+    begin = load(task).initial_state
     if not isinstance(begin, RodStart):
         return jax.jit(begin)
 
@@ -209,7 +209,7 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> TreeCo
         policy=data.policy,
         weights=replace(data.weights, keep_out=confines.keep_out, reach=confines.reach),
         advance=carried(task, size.particle_count, *needed),
-        begin=data.begin,
+        begin=data.initial_state,
         branches=size.branches,
         depth=size.depth,
         part=moving(task, size.particle_count, *needed),

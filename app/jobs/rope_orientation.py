@@ -47,7 +47,7 @@ def track_orientation(task: str, orientation: Orientation, transition: Transitio
     known = orientation.for_odd_parameters(odd_values(phi))
     before = _nodes(task, transition.before, known.line if known.line.size else None)
     path = data.actions.measured_path(transition.executed.tool)
-    state = data.begin(jnp.asarray(transition.before)[None], jnp.asarray(before))
+    state = data.initial_state(jnp.asarray(transition.before)[None], jnp.asarray(before))
     simulate = jit_cache.carried(task, len(transition.before), *jit_cache.needs(task, phi))
     predicted = np.asarray(_either(simulate, jnp.asarray(_either_way(phi)), state, jnp.asarray(path)))
     finite = np.isfinite(predicted).all()
@@ -61,7 +61,7 @@ def _either_way(phi: Float32[np.ndarray, " P"]) -> Float32[np.ndarray, "2 P"]:
 
 def _nodes(task: str, x: Points, near: Centreline | None) -> Centreline:
     """Nodes of a rope that is seen at `x`, in the order in which simulations of it begin."""
-    begun = load(task).begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
+    begun = load(task).initial_state(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
     return np.asarray(begun.centreline[0])
 
 

@@ -46,7 +46,7 @@ def simulator(task: Task, model: Model, particle_count: int) -> TrainingSimulato
     """The task's simulator of so many particles, for learners that learn by simulation."""
     phi = phi_of(model)
     advance = carried(task.name, particle_count, *needs(task.name, phi))
-    return TrainingSimulator(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
+    return TrainingSimulator(advance=advance, begin=task.initial_state, phi=tuple(map(float, phi)))
 
 
 def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Points]]]) -> Examples:

@@ -36,8 +36,8 @@ def look_beside(
         del waiting[seen.id]
         tool = np.zeros((0, 3), np.float32)
         if seen.id in tools and task.finger.half_width_m == 0:  # A flat finger's tip is not found in images.
-            tool = tool_points(frames, tools[seen.id][1], task.seeing, radius_m=task.finger.radius_m)
-        table = table_points(frames, task.seeing) if seen.id in tables else tool[:0]
+            tool = tool_points(frames, tools[seen.id][1], task.perception, radius_m=task.finger.radius_m)
+        table = table_points(frames, task.perception) if seen.id in tables else tool[:0]
         found[seen.time_s] = Sighting(
             id=fresh_id("sighting"), cause=seen.cause, time_s=seen.time_s, tool=tool, table=table
         )

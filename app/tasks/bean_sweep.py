@@ -14,9 +14,9 @@ from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.box import BoxCollider
-from app.tasks.elements.aim import OnMat
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.scatter import BeanProblems
+from app.tasks.elements.success import OnMat
 
 BEANS = Beans(count=50, length_m=0.016, radius_m=0.005, mass_kg=0.05, colour=(0.62, 0.08, 0.07))
 PADDLE = Paddle(half_m=(0.05, 0.005, 0.02), sweep_height_m=0.0215)
@@ -31,7 +31,7 @@ _VOLUME_M3 = BEANS.count * pi * BEANS.radius_m**2 * (BEANS.length_m - 2 / 3 * BE
 TASK = Task(
     name="bean_sweep",
     stage=Stage(body=BEANS, tool=PADDLE, fixtures=(MAT,)),
-    seeing=Reconstruction(colour=ColourRange.around(BEANS.colour), particle_count=300, half_width_m=0.007),
+    perception=Reconstruction(colour=ColourRange.around(BEANS.colour), particle_count=300, half_width_m=0.007),
     # A real sweep takes 2 s, a simulated one 0.3 s. Three times the weight, and air as thick as syrup, let beans come
     # to rest near the paddle all the same, as they truly do: measured in the simulated cell.
     scene=Scene(
@@ -72,8 +72,8 @@ TASK = Task(
     problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),
     nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
-    aim=OnMat(mat=MAT, enough=0.9),
-    ends=OnMat(mat=MAT, enough=0.98),
+    success=OnMat(mat=MAT, enough=0.9),
+    stop_when=OnMat(mat=MAT, enough=0.98),
     horizon=20,
     time_scale=7.0,
     presets=MappingProxyType(

@@ -18,9 +18,9 @@ from app.sim.materials.threads import unstretched
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
 from app.sim.tools.rod import RackCollider
-from app.tasks.elements.aim import Hung
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.sheets import ClothProblems
+from app.tasks.elements.success import Hung
 
 CLOTH = Cloth(size_m=0.25, mass_kg=0.0125, colour=(0.15, 0.35, 0.80))
 GRIPPER = Gripper(half_m=(0.030, 0.006, 0.025), opening_m=0.040, closed_m=0.012)
@@ -38,7 +38,7 @@ _HOLD_M = (0.060, 0.030, 0.030)
 TASK = Task(
     name="cloth_hang",
     stage=Stage(body=CLOTH, tool=GRIPPER, fixtures=(RACK,)),
-    seeing=Reconstruction(
+    perception=Reconstruction(
         colour=ColourRange.around(CLOTH.colour),
         particle_count=256,
         box=Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.47)),
@@ -100,16 +100,16 @@ TASK = Task(
     ),
     symmetry=Symmetry(about_m=(0.55, CLEAR.y_m), angles_rad=(0.0, pi), mirrored=True, shift_m=(0.04, 0.0)),
     # Along the rods, which a cloth hangs over on both sides.
-    side=OrthographicView(low=(0.22, -0.38, 0.0), high=(0.88, 0.38, 0.40), pixel_m=0.008, axes=(1, 2, 0)),
+    side_view=OrthographicView(low=(0.22, -0.38, 0.0), high=(0.88, 0.38, 0.40), pixel_m=0.008, axes=(1, 2, 0)),
     weights=Weights(progress=1.0, contact=0.0005, discount=0.9, level=False),
     descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15),
     nominal=MappingProxyType({"stiffness": 8.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "finger_friction"),
-    aim=Hung(y_m=CLEAR.y_m, reach_m=0.12, low_m=0.03),
+    success=Hung(y_m=CLEAR.y_m, reach_m=0.12, low_m=0.03),
     open_gripper_m=GRIPPER.closed_m + 0.008,
     horizon=60,
-    begin=unstretched,
+    initial_state=unstretched,
     at_rest=False,
     presets=MappingProxyType(
         {

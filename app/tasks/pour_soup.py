@@ -9,8 +9,8 @@ from dataclasses import replace
 from app.core.colours import ColourRange
 from app.core.geometry.scene_description import Liquid, Pieces, Soup
 from app.perception.body.floating_pieces import Swimming
-from app.tasks.elements.aim import InBowl
 from app.tasks.elements.pouring import pouring_scene
+from app.tasks.elements.success import InBowl
 from app.tasks.elements.swimming import SoupProblems
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET
 from app.tasks.pour_water import TASK as POUR_WATER
@@ -30,12 +30,12 @@ TASK = replace(
     POUR_WATER,
     name="pour_soup",
     stage=replace(POUR_WATER.stage, body=SOUP),
-    seeing=replace(
-        POUR_WATER.seeing, colour=ColourRange.around(BROTH.colour), volume_m3=SOUP.volume_m3, swimming=SWIMMING
+    perception=replace(
+        POUR_WATER.perception, colour=ColourRange.around(BROTH.colour), volume_m3=SOUP.volume_m3, swimming=SWIMMING
     ),
     scene=pouring_scene(SOUP, HELD, TARGET, particle_count=PARTICLES),
     problems=SoupProblems(soup=SOUP, seen=SWIMMING, held=HELD, target=TARGET, home_m=HOME_M),
-    aim=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.80),
+    success=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.80),
     # A millimetre of its level, by which cameras err, is 7 % of what is poured.
-    ends=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.88),
+    stop_when=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.88),
 )

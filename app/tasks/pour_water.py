@@ -17,9 +17,9 @@ from app.planner.search.optimise import OptimizerConfig
 from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
-from app.tasks.elements.aim import InBowl
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.pouring import PouringProblems, pouring_scene
+from app.tasks.elements.success import InBowl
 
 WATER = Liquid(volume_m3=120e-6, colour=(0.10, 0.35, 0.80))
 HELD = HeldBowl(radius_m=0.055, thickness_m=0.004)
@@ -32,7 +32,7 @@ LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 TASK = Task(
     name="pour_water",
     stage=Stage(body=WATER, tool=HELD, fixtures=(TARGET,)),
-    seeing=Reconstruction(
+    perception=Reconstruction(
         colour=ColourRange.around(WATER.colour),
         particle_count=PARTICLES,
         box=Box(low=(0.20, -0.30, -0.02), high=(0.85, 0.30, 0.40)),
@@ -63,16 +63,16 @@ TASK = Task(
     ),
     symmetry=Symmetry(mirrored=True),
     # Across the way that is poured: the levels in both bowls, and the jet.
-    side=OrthographicView(low=(0.24, -0.19, 0.0), high=(0.74, 0.19, 0.38), pixel_m=0.008, axes=(0, 2, 1)),
+    side_view=OrthographicView(low=(0.24, -0.19, 0.0), high=(0.74, 0.19, 0.38), pixel_m=0.008, axes=(0, 2, 1)),
     weights=Weights(progress=1.0, contact=0.0, discount=0.9),
     descent=OptimizerConfig(learning_rate=0.5, clip=1.0, shrink=0.5),
     problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=HOME_M),
     nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.4}),
     # The bulk modulus, and friction on the bowls: the catalogue scales that of every tool as the finger's.
     calibrated=("stiffness", "finger_friction"),
-    aim=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.85),
+    success=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.85),
     # A millimetre of its level, by which cameras err, is 7 % of what is poured.
-    ends=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.92),
+    stop_when=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.92),
     horizon=14,
     presets=MappingProxyType(
         {

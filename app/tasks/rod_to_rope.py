@@ -18,10 +18,10 @@ from app.sim.model.scene import Body, Scene
 from app.sim.rods.scene import Wall
 from app.sim.tools.box import WallsWithGap
 from app.sim.tools.finger import FingerCollider
-from app.tasks.elements.aim import Beyond
-from app.tasks.elements.base import Lesson, Preset, Task
+from app.tasks.elements.base import Preset, Task, TrainingVariant
 from app.tasks.elements.passing import GappedWall, Passing
 from app.tasks.elements.rods import rods_of
+from app.tasks.elements.success import Beyond
 
 ROPE = Rope(length_m=0.24, radius_m=0.008, mass_kg=0.0384, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -39,7 +39,7 @@ ROD = replace(ROPE, rigid=True)
 TASK = Task(
     name="rod_to_rope",
     stage=Stage(body=ROPE, tool=FINGER, fixtures=WALL.blocks),
-    seeing=Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=180, half_width_m=0.010),
+    perception=Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=180, half_width_m=0.010),
     scene=Scene(
         low=(0.15, -0.45, -0.025),
         high=(0.95, 0.45, 0.075),
@@ -99,13 +99,13 @@ TASK = Task(
     ),
     descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Passing(rope=ROPE, wall=WALL, start_m=START_M),
-    training_variant=Lesson(
+    training_variant=TrainingVariant(
         stage=Stage(body=ROD, tool=FINGER, fixtures=WALL.blocks),
         problems=Passing(rope=ROD, wall=WALL, start_m=START_M),
     ),
     nominal=MappingProxyType({"stiffness": 6.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
-    aim=Beyond(x_m=WALL.x_m, enough=0.9),
+    success=Beyond(x_m=WALL.x_m, enough=0.9),
     horizon=10,
     time_scale=5.0,
     own_dynamics="rods",

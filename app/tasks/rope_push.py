@@ -16,10 +16,10 @@ from app.sim.materials.rope import RopeMaterial
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
-from app.tasks.elements.aim import Near
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.curves import RopeProblems
 from app.tasks.elements.rods import rods_of
+from app.tasks.elements.success import Near
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -45,7 +45,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
     return Task(
         name="rope_push",
         stage=Stage(body=rope, tool=finger),
-        seeing=Reconstruction(
+        perception=Reconstruction(
             colour=ColourRange.around(rope.colour), particle_count=300, half_width_m=rope.radius_m + 0.002
         ),
         # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are twelve times the real ones, which
@@ -95,8 +95,8 @@ def _task(rope: Rope, finger: Finger) -> Task:
         problems=RopeProblems(rope=rope),
         nominal=MappingProxyType({"stiffness": 6.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
         calibrated=("stiffness", "table_friction"),
-        aim=Near(limit_m2=2 * 0.012**2),
-        ends=Near(limit_m2=2 * 0.010**2),
+        success=Near(limit_m2=2 * 0.012**2),
+        stop_when=Near(limit_m2=2 * 0.010**2),
         horizon=30,
         time_scale=5.0,
         own_dynamics="rods",

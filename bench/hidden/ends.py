@@ -109,7 +109,7 @@ def _with(model: Model, values: dict[str, float]) -> Model:
 
 
 def _nodes(x: Points, near: Centreline) -> Centreline:
-    begun = load(TASK).begin(jnp.asarray(x)[None], jnp.asarray(near) if near.size else None)
+    begun = load(TASK).initial_state(jnp.asarray(x)[None], jnp.asarray(near) if near.size else None)
     return np.asarray(begun.centreline[0])
 
 
@@ -125,7 +125,7 @@ def _predicted(
     """Nodes after the push by each of the models."""
     task, count = load(TASK), len(phis)
     path = task.actions.measured_path(made.executed.tool)
-    state = task.begin(jnp.tile(jnp.asarray(before), (count, 1, 1)), jnp.asarray(line))
+    state = task.initial_state(jnp.tile(jnp.asarray(before), (count, 1, 1)), jnp.asarray(line))
     simulate = jit_cache.carried(TASK, len(before), *jit_cache.needs(TASK, jit_cache.phi_of(model)))
     return np.asarray(simulate(jnp.asarray(phis), state, jnp.tile(jnp.asarray(path), (count, 1, 1))).centreline)
 

@@ -72,6 +72,6 @@ def test_the_share_on_the_mat_is_seen_as_it_is(seed: int) -> None:
         SimulatedCameras(TASK.stage, (), seed).look(world.snapshot(), stamp_s=0.0, number=1), HOW
     ).positions
     goal = TASK.goal(seed, HOW.particle_count)
-    assert TASK.aim.share(seen, goal) == pytest.approx(
-        TASK.aim.share(TASK.particles(world.nodes(), 300), goal), abs=0.05
+    assert TASK.success.share(seen, goal) == pytest.approx(
+        TASK.success.share(TASK.particles(world.nodes(), 300), goal), abs=0.05
     )

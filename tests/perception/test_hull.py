@@ -95,6 +95,6 @@ def test_silhouettes_that_do_not_meet_are_said(tube):
 
 
 def test_the_level_of_a_liquid_is_not_told_from_its_outline(tube):
-    how = replace(POUR_WATER.seeing, depth=False)
+    how = replace(POUR_WATER.perception, depth=False)
     with pytest.raises(PerceptionError, match=r"level of a liquid cannot be told.*--no-depth"):
         reconstruct(views(tube), how)

@@ -50,7 +50,7 @@ def test_what_is_in_the_hand_is_seen_where_it_is(task: Task) -> None:
 def test_half_of_the_water_is_seen_in_the_target_and_the_other_half_is_in_the_hand() -> None:
     task = load("pour_water")
     found = seen(task, half_poured(task, PARKED_POSE[:3]), PARKED_POSE)
-    assert task.aim.share(found, found) == pytest.approx(0.5, abs=0.05)
+    assert task.success.share(found, found) == pytest.approx(0.5, abs=0.05)
     np.testing.assert_allclose(np.median(found[found[:, 2] > 0.15], axis=0), PARKED_POSE[:3] - [0, 0, 0.04], atol=0.01)
 
 
@@ -59,7 +59,7 @@ def test_what_no_camera_sees_is_in_the_hand() -> None:
     nodes = half_poured(task, PARKED_POSE[:3])
     nodes[1200:] = [0.5, 0.0, -0.5]  # Under the table.
     found = seen(task, nodes, PARKED_POSE)
-    assert task.aim.share(found, found) == pytest.approx(0.5, abs=0.05)
+    assert task.success.share(found, found) == pytest.approx(0.5, abs=0.05)
     assert np.mean(np.linalg.norm(found - PARKED_POSE[:3], axis=1) < task.stage.tool.radius_m) == pytest.approx(
         0.5, abs=0.05
     )
@@ -73,11 +73,11 @@ def test_what_is_all_in_the_target_is_seen_there(task: Task) -> None:
     assert isinstance(target, Bowl)
     lowest = np.array(target.place_m) - [0, 0, target.radius_m - task.stage.tool.radius_m - 0.001]
     found = seen(task, x + lowest - home[:3], PARKED_POSE)
-    assert task.aim.share(found, found) > 0.9
+    assert task.success.share(found, found) > 0.9
 
 
 def test_drops_over_the_rim_are_no_full_bowl() -> None:
-    how = load("pour_soup").seeing
+    how = load("pour_soup").perception
     (bowl,) = how.standing
     rng = np.random.default_rng(0)
     drops = rng.uniform([0.54, 0.04, 0.063], [0.56, 0.05, 0.074], (40, 3)).astype(np.float32)

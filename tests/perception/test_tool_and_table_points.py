@@ -8,7 +8,7 @@ import pytest
 from app.perception.tool_and_table_points import table_points
 from tests.perception.pushed import TASK, photographed, pushing
 
-SEEING = TASK.seeing
+SEEING = TASK.perception
 
 
 def plane(points: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from app.perception.tool_tip_fit import TIP_POINTS, tool_points
 from tests.perception.pushed import TASK, photographed, pushing
 
 RADIUS_M = TASK.finger.radius_m
-SEEING = TASK.seeing
+SEEING = TASK.perception
 ELSEWHERE = np.array([0.15, 0.0, 0.0])
 
 

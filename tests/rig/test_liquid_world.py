@@ -34,7 +34,7 @@ def outside(name: str, x: Nodes, place: np.ndarray) -> np.ndarray:
 
 
 def in_target(name: str, x: Nodes) -> float:
-    return task(name).aim.share(x.astype(np.float32), x.astype(np.float32))
+    return task(name).success.share(x.astype(np.float32), x.astype(np.float32))
 
 
 def tilted(pose: ToolPose, angle_rad: float) -> ToolPose:

@@ -12,8 +12,8 @@ from app.core.dialogue.control import Mode
 from app.core.dialogue.model_monitor_messages import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError
 from app.core.messages import ArmState, Executed, Fault, Notice, Outcome, Proposal, ResumeRequest, Transition
-from app.tasks.elements.aim import Near
 from app.tasks.elements.curves import fill_tube
+from app.tasks.elements.success import Near
 from tests.session.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.session.planner import Habits
 from tests.session.rig import SmallRig
@@ -87,7 +87,7 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
 
 async def test_an_automatic_run_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
     wish = small_wish(automatic=True)
-    near = replace(wish, task=replace(wish.task, ends=Near(limit_m2=1.0)))
+    near = replace(wish, task=replace(wish.task, stop_when=Near(limit_m2=1.0)))
     async with running(small_site(tmp_path), near) as run:
         assert await run.end() is None
         assert run.session.summary.reached
@@ -217,5 +217,5 @@ async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_wo
     async with running(small_site(tmp_path), replace(wish, shown_goal=here)) as run:
         assert await run.end() is None
         assert run.session.summary.pushes == 0
-        assert run.session.summary.chamfer_m2[0] < wish.task.aim.limit_m2
+        assert run.session.summary.chamfer_m2[0] < wish.task.success.limit_m2
         assert run.rig.arm.begun == []

@@ -131,7 +131,7 @@ def pictures() -> None:
 
 
 async def test_what_is_hidden_for_a_while_stays_where_it_was_and_is_marked():
-    async with looking(TASK.seeing) as (sensing, screen, watcher):
+    async with looking(TASK.perception) as (sensing, screen, watcher):
         whole = await seen_with(sensing, predicted=False)
         screen.held = True
         hidden = await seen_with(sensing, predicted=True)
@@ -147,7 +147,7 @@ async def test_what_is_hidden_for_a_while_stays_where_it_was_and_is_marked():
 
 
 async def test_what_is_hidden_for_too_long_is_given_up_and_said_once():
-    how = replace(TASK.seeing, hidden_s=1.0)
+    how = replace(TASK.perception, hidden_s=1.0)
     async with looking(how) as (sensing, screen, watcher):
         await seen_with(sensing, predicted=False)
         screen.held = True

@@ -77,7 +77,7 @@ def test_a_plan_says_where_the_nodes_will_be_and_the_next_one_begins_there():
     seen, backwards = found.predicted[np.random.default_rng(0).permutation(COUNT)], found.centreline[:, ::-1]
     for near in (found.centreline, np.ascontiguousarray(backwards)):
         again = plan(RODS, "cpu", seen, task.goal(0, COUNT), nominal_model(RODS), 0, near=near)
-        there = task.begin(jnp.asarray(seen)[None], jnp.asarray(near)).centreline[0]
+        there = task.initial_state(jnp.asarray(seen)[None], jnp.asarray(near)).centreline[0]
         assert np.linalg.norm(there - near, axis=0).mean() < scene.radius_m / 4
         assert again.centreline.shape == near.shape
         follows = np.linalg.norm(again.centreline - near, axis=0).sum()

@@ -57,8 +57,8 @@ def test_the_world_s_blocks_are_the_simulator_s_walls() -> None:
 def test_objects_start_in_front_of_the_wall_and_shall_end_behind_it(seed: int) -> None:
     for task in (TASK, TASK.demonstrated):
         start, goal = TASK.particles(task.start(seed), 60), task.goal(seed, 60)
-        assert task.aim.share(start, goal) == 0
-        assert task.aim.share(goal, goal) == 1
+        assert task.success.share(start, goal) == 0
+        assert task.success.share(goal, goal) == 1
         for x in (start, goal):
             assert not within(x[:, :2], 0.0).any()
 

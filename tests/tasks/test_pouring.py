@@ -21,9 +21,9 @@ def bowls(task: Task) -> tuple[HeldBowl, Bowl]:
 @pouring
 def test_all_of_the_goal_and_nothing_of_the_start_is_in_the_target_bowl(task: Task) -> None:
     goal = task.goal(0, 300)
-    assert task.aim.share(goal, goal) == 1.0
+    assert task.success.share(goal, goal) == 1.0
     start = task.start(0).astype(np.float32)
-    assert task.aim.share(start, start) == 0.0
+    assert task.success.share(start, start) == 0.0
 
 
 @pouring
@@ -49,7 +49,7 @@ def test_particles_are_the_world_s_fewer_and_in_its_place(task: Task) -> None:
 @pouring
 @pytest.mark.parametrize("count", [100, 299, 300, 1000])
 def test_scene_and_perception_split_particles_alike(task: Task, count: int) -> None:
-    swimming = task.seeing.swimming
+    swimming = task.perception.swimming
     assert task.scene.split(count) == ((count,) if swimming is None else swimming.split(count))
 
 

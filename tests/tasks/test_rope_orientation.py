@@ -95,9 +95,9 @@ def transition(before: Points, way: np.ndarray, after: Points) -> Transition:
 def world(seed: int, first: float = 1.0) -> World:
     """A rope at rest whose first end is the one with the smaller x, or the other one if `first` is -1."""
     x = jnp.asarray(TASK.particles(TASK.start(seed), COUNT))[None]
-    begun = TASK.begin(x)
+    begun = TASK.initial_state(x)
     if first < 0:
-        begun = TASK.begin(x, begun.centreline[0, :, ::-1])
+        begun = TASK.initial_state(x, begun.centreline[0, :, ::-1])
     assert isinstance(begun, RodState)
     return World(state=begun, rng=np.random.default_rng(seed))
 
@@ -124,7 +124,7 @@ def sequence(first: float) -> tuple[Seen, ...]:
 
 def canonical(x: Points) -> Centreline:
     """Nodes of a rope from a view, with nothing known of its ends."""
-    return np.asarray(TASK.begin(jnp.asarray(x)[None]).centreline[0])
+    return np.asarray(TASK.initial_state(jnp.asarray(x)[None]).centreline[0])
 
 
 def runs_along(line: Centreline, nodes: Centreline) -> bool:

@@ -7,8 +7,8 @@ import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.tasks.bean_sweep import BEANS, MAT, TASK
-from app.tasks.elements.aim import OnMat
 from app.tasks.elements.scatter import BeanProblems
+from app.tasks.elements.success import OnMat
 
 assert isinstance(TASK.problems, BeanProblems)
 PROBLEMS: BeanProblems = TASK.problems
@@ -38,8 +38,8 @@ def test_beans_lie_on_the_table_off_the_mat_and_apart(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_no_problem_is_solved_at_the_start_and_all_are_where_the_goal_is(seed: int) -> None:
     start, goal = TASK.particles(TASK.start(seed), 300), TASK.goal(seed, 300)
-    assert TASK.aim.share(start, goal) == 0
-    assert TASK.aim.reached(goal, goal)
+    assert TASK.success.share(start, goal) == 0
+    assert TASK.success.reached(goal, goal)
     assert chamfer_m2(start, goal) > 0.01
 
 
@@ -98,7 +98,7 @@ def test_sweeping_ends_only_when_cameras_see_more_on_the_mat_than_the_aim_asks()
     some_off, nearly_none = goal.copy(), goal.copy()
     some_off[:21, :2] += 0.2
     nearly_none[:5, :2] += 0.2
-    assert TASK.aim.reached(some_off, goal)
+    assert TASK.success.reached(some_off, goal)
     assert not TASK.ended(some_off, goal)
     assert TASK.ended(nearly_none, goal)
-    assert replace(TASK, ends=None).ended(some_off, goal)
+    assert replace(TASK, stop_when=None).ended(some_off, goal)

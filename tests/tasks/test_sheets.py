@@ -10,11 +10,11 @@ from app.jobs.jit_cache import carried
 from app.jobs.worker_api import nominal_model
 from app.planner.actions.carry_actions import Carries
 from app.tasks import load
-from app.tasks.elements.aim import Hung
 from app.tasks.elements.sheets import ClothProblems
+from app.tasks.elements.success import Hung
 
 TASK = load("cloth_hang")
-PROBLEMS, AIM = TASK.problems, TASK.aim
+PROBLEMS, AIM = TASK.problems, TASK.success
 assert isinstance(PROBLEMS, ClothProblems)
 assert isinstance(AIM, Hung)
 SIDE, SIZE_M, RACK = PROBLEMS.cloth.nodes_a_side, PROBLEMS.cloth.size_m, PROBLEMS.rack
@@ -91,7 +91,7 @@ def test_a_cloth_that_hangs_from_the_gripper_stays_whole(aside_m: float) -> None
     path = np.zeros((1, lifting + hanging + 1, 8), np.float32)
     path[..., :2], path[..., 3], path[..., 7] = edge[:2], 1.0, TASK.actions.openings_m[0]
     path[0, :, 2] = np.interp(np.arange(path.shape[1]), [0, lifting], [low_m, high_m])
-    end = np.asarray(carried(TASK.name, 256)(PHI, TASK.begin(jnp.asarray(x)[None]), jnp.asarray(path)).x[0])
+    end = np.asarray(carried(TASK.name, 256)(PHI, TASK.initial_state(jnp.asarray(x)[None]), jnp.asarray(path)).x[0])
     below_m = high_m - end[:, 2]
     assert below_m.max() < 1.1 * SIZE_M
     assert np.diff(np.sort(below_m)).max() < 1.5 * SIZE_M / 16

@@ -42,7 +42,7 @@ def pushed(task: str, stiffness_pa: float | None = None) -> tuple[RodState, RodS
     tool = np.concatenate([nearest + way * across, np.full((len(way), 1), data.finger.push_height_m)], axis=1)
     phi = jit_cache.phi_of(nominal_model(task))
     phi[index("stiffness")] = stiffness_pa or phi[index("stiffness")]
-    begin = data.begin(jnp.asarray(x)[None])
+    begin = data.initial_state(jnp.asarray(x)[None])
     carry = jit_cache.carried(task, COUNT, *jit_cache.needs(task, phi))
     end = carry(jnp.asarray(phi)[None], begin, jnp.asarray(tool, jnp.float32)[None])
     assert isinstance(begin, RodState)
@@ -92,7 +92,7 @@ def test_sizes_change_what_is_simulated_seen_and_shown():
     assert (task.rope.length_m, task.rods.scene.length_m) == (0.25, 0.25)
     assert task.rope.radius_m == task.rods.scene.radius_m == 0.004
     assert task.scene.bodies[0].density_kg_m3 == pytest.approx(0.015 / (np.pi * 0.004**2 * 0.25))
-    assert task.seeing.half_width_m == pytest.approx(0.006)
+    assert task.perception.half_width_m == pytest.approx(0.006)
     length = np.linalg.norm(np.diff(task.start(3), axis=0), axis=1).sum()
     assert length == pytest.approx(0.25)
     assert task is load(str(TaskName.parse(task.name)))
@@ -111,7 +111,9 @@ def test_a_flat_finger_stands_in_the_name_and_pushes_the_rope_before_all_of_its_
     way = np.linspace(begin, 0.03, task.actions.substeps + 1)
     tool = np.stack([np.full(len(way), 0.55), way, np.full(len(way), task.finger.push_height_m)], axis=1)
     phi = jnp.asarray(jit_cache.phi_of(nominal_model(named_)))[None]
-    end = jit_cache.carried(named_, COUNT)(phi, task.begin(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None])
+    end = jit_cache.carried(named_, COUNT)(
+        phi, task.initial_state(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None]
+    )
     away = np.asarray(end.x[0, :, :2]) - tool[-1, :2]
     gap = np.linalg.norm(from_core(-away, task.finger.half_m), axis=1).min()
     assert gap == pytest.approx(task.finger.radius_m, abs=0.004)

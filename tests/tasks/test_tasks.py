@@ -29,7 +29,7 @@ FILE = Path(tasks.__file__).parent / "rope_push.py"
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("    aim=Near(limit_m2=2 * 0.012**2),\n", ""), "argument: 'aim'"),
+        (("        success=Near(limit_m2=2 * 0.012**2),\n", ""), "argument: 'success'"),
         (("    horizon=30,", "    horizons=30,"), "argument"),
         (("    horizon=30,", "    horizon=0,"), "horizon = 0 is outside its range 1 to 1000"),
         (('"stiffness": 6.0e4', '"stiffness": -1.0'), "nominal stiffness = -1 is outside its range"),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.parameter import ParameterSpec
     from app.sim.rods.scene import RodScene
     from app.sim.state import State
-    from app.tasks.elements.aim import SuccessCriterion
+    from app.tasks.elements.success import SuccessCriterion
 
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008
@@ -122,7 +122,7 @@ class ProblemSampler(Protocol):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Lesson:
+class TrainingVariant:
     """Another object, and the problems with it, that demonstrations of a task are about."""
 
     stage: Stage
@@ -134,14 +134,14 @@ class Lesson:
 class Task:
     """Everything about a task that does not depend on the site.
 
-    `seeing`: settings of perception; its particle count is the preset's. `begin`: the simulator's state of an observed
-    object; `at_rest`: actions end at rest, so that the next one depends on the object's position alone.
-    `symmetry`: isometries by which demonstrations generalise; `side`: a view for policies that look, besides that from
-    above.
+    `perception`: settings of the reconstruction; its particle count is the preset's. `initial_state`: the simulator's
+    state of an observed object; `at_rest`: actions end at rest, so that the next one depends on the object's position
+    alone. `symmetry`: isometries by which demonstrations generalise; `side_view`: a view for policies that look,
+    besides that from above.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
-    `calibrated`: those that calibration estimates from transitions. `aim`: the true success criterion; `ends`: the
-    criterion on observations, if it has to be stricter than the aim; `horizon`: the actions after which an evaluation
-    ends otherwise. `rods`: the object as a rod, if it is a rope; `dynamics`: see `with_dynamics`; `own_dynamics`: the
+    `calibrated`: those that calibration estimates from transitions. `success`: the criterion on the true object;
+    `stop_when`: that on observations, if it has to be stricter; `horizon`: the actions after which an evaluation ends
+    otherwise. `rods`: the object as a rod, if it is a rope; `dynamics`: see `with_dynamics`; `own_dynamics`: the
     default of commands. `sized`: the task with another rope and finger.
     `time_scale`: real seconds in a simulated one. `open_gripper_m`: a tool that opens less may hold the object, which
     is not done then, wherever it is. `training_variant`: the setting of demonstrations, if it has another object; a
@@ -150,7 +150,7 @@ class Task:
 
     name: str
     stage: Stage
-    seeing: Reconstruction
+    perception: Reconstruction
     scene: Scene
     actions: ActionSpace
     policy: Policy
@@ -160,16 +160,16 @@ class Task:
     problems: ProblemSampler
     nominal: Mapping[str, float]
     calibrated: tuple[str, ...]
-    aim: SuccessCriterion
+    success: SuccessCriterion
     horizon: int
     presets: Mapping[str, Preset]
     time_scale: float = 1.0
-    begin: Begin = _at_rest
+    initial_state: Begin = _at_rest
     at_rest: bool = True
-    ends: SuccessCriterion | None = None
+    stop_when: SuccessCriterion | None = None
     open_gripper_m: float = 0.0
-    side: OrthographicView | None = None
-    training_variant: Lesson | None = None
+    side_view: OrthographicView | None = None
+    training_variant: TrainingVariant | None = None
     rods: RodDynamics | None = None
     dynamics: str = "mpm"
     own_dynamics: str = "mpm"
@@ -227,13 +227,13 @@ class Task:
             nominal=self.rods.nominal,
             calibrated=self.rods.calibrated,
             presets=self.rods.presets,
-            begin=RodStart.of(self.rods.scene),
+            initial_state=RodStart.of(self.rods.scene),
             time_scale=1.0,
         )
 
     @property
     def demonstrated(self) -> Task:
-        """The task that the expert demonstrates: itself, or the same with the object of its lesson."""
+        """The task that the expert demonstrates: itself, or its training variant."""
         if self.training_variant is None:
             return self
         return replace(
@@ -268,7 +268,7 @@ class Task:
             x0, y0, x1, y1 = x - half, y - half, x + half, y + half
         around = ((x0 - _AROUND_M, y0 - _AROUND_M, z0), (x1 + _AROUND_M, y1 + _AROUND_M, z1))
         top = OrthographicView(low=around[0], high=around[1], pixel_m=_PIXEL_M)
-        return (top,) if self.side is None else (top, self.side)
+        return (top,) if self.side_view is None else (top, self.side_view)
 
     @property
     def rope(self) -> Rope:
@@ -293,7 +293,7 @@ class Task:
 
     def reconstruction(self, preset: str) -> Reconstruction:
         """Settings of the reconstruction, with the preset's number of particles."""
-        return replace(self.seeing, particle_count=self.preset(preset).particle_count)
+        return replace(self.perception, particle_count=self.preset(preset).particle_count)
 
     def start(self, seed: int) -> Nodes:
         """The object at the start of episode `seed`, as the nodes of a simulated world [m]."""
@@ -308,12 +308,12 @@ class Task:
         return self.problems.particles(nodes, particle_count)
 
     def done(self, x: Points, goal: Points, tool: ToolPose) -> bool:
-        """True if an object that truly is at `x` (N, 3) [m] meets the aim and stays there without the tool."""
-        return self._empty(tool) and self.aim.reached(x, goal)
+        """True if an object that truly is at `x` (N, 3) [m] meets the criterion and stays there without the tool."""
+        return self._empty(tool) and self.success.reached(x, goal)
 
     def ended(self, seen: Points, goal: Points, tool: ToolPose | None = None) -> bool:
         """True if an object observed at `seen` (N, 3) [m], with the tool there, needs no further action."""
-        return self._empty(tool) and (self.ends or self.aim).reached(seen, goal)
+        return self._empty(tool) and (self.stop_when or self.success).reached(seen, goal)
 
     def _empty(self, tool: ToolPose | None) -> bool:
         """True if the tool surely holds nothing, as one that is nowhere near."""
