@@ -133,7 +133,7 @@ async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int
     )
     count = task.preset(_PRESET).particle_count
     goal = Goal(id=fresh_id("goal"), time_s=time.monotonic(), positions=await to_thread.run_sync(task.goal, 0, count))
-    wish = EpisodeConfig(
+    config = EpisodeConfig(
         task=task,
         preset=_PRESET,
         goal=goal,
@@ -152,7 +152,7 @@ async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int
     ):
         session = Session(
             Parts(
-                wish,
+                config,
                 site=site,
                 rig=rig,
                 operator=Somebody(task, soaked),

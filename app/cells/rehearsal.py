@@ -118,7 +118,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         ]
         # The world's cameras keep the site's period themselves.
         timing = replace(site.timing, camera_period_s=0.0)
-        cameras = await opened.enter_async_context(realsense_cameras(mounted, timing, patience=_PATIENT))
+        cameras = await opened.enter_async_context(realsense_cameras(mounted, timing, timeouts=_PATIENT))
         yield Rehearsal(world, cameras, fake)
 
 

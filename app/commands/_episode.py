@@ -181,12 +181,14 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
             method = await to_thread.run_sync(guided, method, options.policy, order.task)
-            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
+            config = await _doubted(
+                await to_thread.run_sync(_config, task, order, preset, method), order, site, planner
+            )
         start = await to_thread.run_sync(_start, order, preset)
-        wish = replace(wish, opening=start)
+        config = replace(config, opening=start)
         if options.probe:
             await to_thread.run_sync(probed_subject, task)
-            wish = replace(wish, experiment=Experiment(budget=options.pushes))
+            config = replace(config, experiment=Experiment(budget=options.pushes))
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
@@ -200,7 +202,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
                 async with open_terminal(output, *heading) as terminal:
                     audience = Audience(console, terminal)
                     audience.show(start)
-                    summary, failure = await _run(wish, site, rig, audience, recorder, planner, shelf)
+                    summary, failure = await _run(config, site, rig, audience, recorder, planner, shelf)
     return EpisodeReport(
         order=order,
         rig=rig.name,
@@ -211,24 +213,24 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
     )
 
 
-async def _doubted(wish: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
+async def _doubted(config: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
     """The configuration with the model's and the case's corrections. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None
         case: DiscoveryResults = await planner.run(
             read_case, order.case, recorded(order.task), site, time.monotonic(), own
         )
-        wish = replace(wish, verdict=case.verdict, asked=case.asked)
+        config = replace(config, verdict=case.verdict, asked=case.asked)
     if order.options.asked:
         asked = await planner.run(motions_in, order.options.asked, recorded(order.task), order.task, site)
-        wish = replace(wish, asked=(*asked, *wish.asked))
-    if wish.model is None:
-        return wish
+        config = replace(config, asked=(*asked, *config.asked))
+    if config.model is None:
+        return config
     try:
-        await planner.run(check_model, wish.model)
+        await planner.run(check_model, config.model)
     except ParameterError as error:
         raise ParameterError(f"{order.model}: {error}") from None
-    return replace(wish, shown_goal=await planner.run(shown_goal, wish.goal.positions, wish.model))
+    return replace(config, shown_goal=await planner.run(shown_goal, config.goal.positions, config.model))
 
 
 @contextmanager
@@ -242,7 +244,7 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 async def _run(
-    wish: EpisodeConfig,
+    config: EpisodeConfig,
     site: Site,
     rig: Rig,
     audience: Audience,
@@ -252,7 +254,7 @@ async def _run(
 ) -> tuple[Summary, DipacError | None]:
     session = Session(
         Parts(
-            wish,
+            config,
             site=site,
             rig=rig,
             operator=audience,
@@ -262,7 +264,7 @@ async def _run(
             recording=recorder.path,
             studio=recorder,
             # What was recorded does not say where a camera stands now.
-            shelf=shelf if wish.answering else None,
+            shelf=shelf if config.answering else None,
         )
     )
     try:
@@ -272,7 +274,7 @@ async def _run(
         return session.summary, error
 
 
-def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> EpisodeConfig:
+def _config(task: Task, order: RunOptions, preset: str, method: Method) -> EpisodeConfig:
     """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count

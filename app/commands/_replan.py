@@ -94,7 +94,7 @@ async def replan(planner: Worker, timeline: Timeline, order: ReplanRequest, said
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
         method = await to_thread.run_sync(guided, method, Path(str(policy)), task.name)
-    wish = EpisodeConfig(
+    config = EpisodeConfig(
         task=task,
         preset=preset,
         goal=seen.goal,
@@ -110,9 +110,9 @@ async def replan(planner: Worker, timeline: Timeline, order: ReplanRequest, said
         await planner.run(warm_up_stage, task.name, preset, index, model, method)
     said(f"Planning with {called}.")
     began_s, x, goal = time.monotonic(), seen.particles.positions, seen.goal.positions
-    found = await planner.run(plan, task.name, preset, x, goal, model, wish.seed, _site(seen), seen.tool, method)
+    found = await planner.run(plan, task.name, preset, x, goal, model, config.seed, _site(seen), seen.tool, method)
     plan_s = time.monotonic() - began_s
-    again = wish.proposal(found, seen.particles, model, began_s=seen.time_s - plan_s, now_s=seen.time_s)
+    again = config.proposal(found, seen.particles, model, began_s=seen.time_s - plan_s, now_s=seen.time_s)
     return Replanned(then=seen.then, again=again, model=called)
 
 

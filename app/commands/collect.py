@@ -71,9 +71,9 @@ def collect(
         bar = progress.add_task("episodes", total=episodes)
         for shown in demonstrations(full, size, seeds, eyes, expert, world):
             if reached and not (shown.played.success and shown.steps):
-                progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
+                progress.console.print(f"{task} {shown.config.seed}: {_told(shown)}; not kept", markup=False)
                 continue
-            path = unused_path(folder, f"{task}-{shown.wish.seed:04d}")
+            path = unused_path(folder, f"{task}-{shown.config.seed:04d}")
             record(shown, path)
             kept, met, actions = kept + 1, met + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)

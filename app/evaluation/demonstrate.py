@@ -43,7 +43,7 @@ FIRST_SEED = 1000
 class Demonstration(NamedTuple):
     """An episode of the expert: its configuration, every action, and the outcome."""
 
-    wish: EpisodeConfig
+    config: EpisodeConfig
     steps: Sequence[EpisodeStep]
     played: EpisodeResults
 
@@ -57,7 +57,7 @@ def demonstrations(
     for seed in seeds:
         steps = list[EpisodeStep]()
         goal = known.goal(seed, known.preset(preset).particle_count)
-        wish = EpisodeConfig(
+        config = EpisodeConfig(
             task=known,
             preset=preset,
             goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
@@ -72,7 +72,7 @@ def demonstrations(
         order = EvaluationConfig(
             task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise
         )
-        yield Demonstration(wish, steps, play(order, steps.append))
+        yield Demonstration(config, steps, play(order, steps.append))
 
 
 def record(shown: Demonstration, path: Path) -> int:
@@ -80,17 +80,17 @@ def record(shown: Demonstration, path: Path) -> int:
 
     Raises RecordingError where the file cannot be written.
     """
-    wish = shown.wish
+    config = shown.config
     begin_s = shown.steps[0].before.time_s if shown.steps else 0.0
     episode = Episode(
         id=fresh_id("episode"),
         time_s=begin_s,
-        task=wish.task.recorded,
+        task=config.task.recorded,
         rig="simulated",
-        seed=wish.seed,
+        seed=config.seed,
         simulated=True,
         code_version=__version__,
-        config=json.dumps({"preset": wish.preset, "actions": wish.pushes, "expert": True, **_world(wish)}),
+        config=json.dumps({"preset": config.preset, "actions": config.pushes, "expert": True, **_world(config)}),
     )
     said = [episode, *_said(shown)]
     try:
@@ -106,31 +106,31 @@ def record(shown: Demonstration, path: Path) -> int:
     return len(said)
 
 
-def _world(wish: EpisodeConfig) -> dict[str, str]:
+def _world(config: EpisodeConfig) -> dict[str, str]:
     """Configuration of a simulated rope, as in an episode's recording."""
-    body = wish.task.stage.body
+    body = config.task.stage.body
     return {"world": body.model} if isinstance(body, Rope) else {}
 
 
 def _said(shown: Demonstration) -> Iterator[Message]:
     """Messages that the running application would have published."""
-    wish, summary = shown.wish, Summary()
-    assert wish.model is not None
-    yield wish.model
-    yield wish.goal
+    config, summary = shown.config, Summary()
+    assert config.model is not None
+    yield config.model
+    yield config.goal
     for step, later in itertools.zip_longest(shown.steps, shown.steps[1:]):
         if step is shown.steps[0]:
             yield from step.frames
             yield step.before
         seen_s, executed = step.before.time_s, step.transition.executed
-        proposal = wish.proposal(step.plan, step.before, wish.model, began_s=seen_s, now_s=seen_s)
+        proposal = config.proposal(step.plan, step.before, config.model, began_s=seen_s, now_s=seen_s)
         yield proposal
         yield executed
         if later is not None:
             yield from later.frames
         yield step.after
         yield step.transition
-        yield summary.scored(proposal, step.before, executed, step.after, wish.target, now_s=step.transition.time_s)
+        yield summary.scored(proposal, step.before, executed, step.after, config.target, now_s=step.transition.time_s)
 
 
 def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path, world: RopeModel = "chain") -> Path:

@@ -42,11 +42,11 @@ class StopLatch:
         """Wait until the operator resumes, if something stopped; for ever, unless the run is unattended."""
         while (state := self._store.state).stopped:
             do("stopped")
-            with self._clock.move_on_after(state.patience_s) as patience:
+            with self._clock.move_on_after(state.patience_s) as waited:
                 await self._store.until(lambda state: not state.stopped)
-            if patience.cancelled_caught and self._store.state.goes_on:
+            if waited.cancelled_caught and self._store.state.goes_on:
                 await self._go_on()
-            elif patience.cancelled_caught and not state.goes_on:
+            elif waited.cancelled_caught and not state.goes_on:
                 raise DeviceError(f"The arm was stopped and nobody pressed Resume for {state.patience_s:.0f} s.")
 
     async def _go_on(self) -> None:

@@ -26,7 +26,7 @@ class Learning:
 
     def __init__(
         self,
-        wish: EpisodeConfig,
+        config: EpisodeConfig,
         planner: Computer,
         site: Site,
         announcer: MessageBus,
@@ -37,9 +37,9 @@ class Learning:
         # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
         self.calibrator = computers("calibrator", niceness=10)
         self.done, self.submitted, self.busy = 0, 0, False
-        self._wish, self._site = wish, site
+        self._config, self._site = config, site
         self._announcer, self._clock = announcer, clock
-        self._modelling = Modelling(wish.task.name, announcer, planner)
+        self._modelling = Modelling(config.task.name, announcer, planner)
         self._transitions = Lossless[Transition]("transitions", bound=100)
 
     def begin(self, model: Model) -> None:
@@ -74,14 +74,14 @@ class Learning:
         newest = deque[Transition](maxlen=RECENT)
         async for transition in self._transitions:
             newest.append(transition)
-            if self._wish.calibrating and self.models.value is not None:
+            if self._config.calibrating and self.models.value is not None:
                 await self._update(tuple(newest), self.models.value)
             self.done += 1
 
     async def _update(self, newest: tuple[Transition, ...], old: Model) -> None:
-        wish, self.busy = self._wish, True
+        config, self.busy = self._config, True
         try:
-            new = await self.calibrator.run(update, wish.task.name, wish.preset, newest, old, self._site)
+            new = await self.calibrator.run(update, config.task.name, config.preset, newest, old, self._site)
         except DipacError as error:
             self._announcer.fault("calibration", error)
             return

@@ -33,12 +33,12 @@ class Parts:
     `planner`, and what `computers` makes: the places of heavy work. `recording`: where the session is recorded;
     `studio`, `shelf`: for demonstrations, calibrations.
 
-    Raises MotionRefused where a wish is automatic and something real can move.
+    Raises MotionRefused where an episode is automatic and something real can move.
     """
 
     def __init__(
         self,
-        wish: EpisodeConfig,
+        config: EpisodeConfig,
         *,
         site: Site,
         rig: Rig,
@@ -51,35 +51,35 @@ class Parts:
         studio: Studio | None = None,
         shelf: CameraShelf | None = None,
     ) -> None:
-        if wish.automatic and not rig.simulated:
+        if config.automatic and not rig.simulated:
             raise MotionRefused(Refusal.NOT_SIMULATED, "Automatic: on a simulated rig alone; use `dipac console`.")
         self.site, self.rig, self.operator, self.clock, self.planner = site, rig, operator, clock, planner
         self.summary = Summary()
         self.announcer = MessageBus(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
-        how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
-        self.store = SessionStore(_initial(wish, site, rig, now_s=clock.now()), *by)
+        how, by = config.task.reconstruction(config.preset), (self.announcer, clock)
+        self.store = SessionStore(_initial(config, site, rig, now_s=clock.now()), *by)
         self.latch = StopLatch(rig.arm, self.store, *by)
         self.sensing = Sensing(rig, how, self.summary, *by, computers)
-        self.learning = Learning(wish, planner, site, *by, computers)
-        self.probing = Probing(wish, planner, site, self.sensing, *by)
-        self.planning = Planning(wish, planner, site, self.probing, *by)
+        self.learning = Learning(config, planner, site, *by, computers)
+        self.probing = Probing(config, planner, site, self.sensing, *by)
+        self.planning = Planning(config, planner, site, self.probing, *by)
         self.preflight = Preflight(rig, site, self.sensing, self.store, clock)
         self.approving = Approving(site, self.sensing, self.store, *by)
-        self.watching = Watching(*by, wish.verdict, recording)
+        self.watching = Watching(*by, config.verdict, recording)
         self.reporting = Reporting(site, rig, self.summary, *by)
         self.aiming = Aiming({each.model.name: each.model for each in rig.cameras}, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by, computers)
 
 
-def _initial(wish: EpisodeConfig, site: Site, rig: Rig, *, now_s: float) -> SessionState:
+def _initial(config: EpisodeConfig, site: Site, rig: Rig, *, now_s: float) -> SessionState:
     """State at the begin of a session; without a checklist, motion is permitted at once."""
-    unchecked = rig.simulated and not wish.checklist
+    unchecked = rig.simulated and not config.checklist
     return SessionState(
-        wish=wish,
-        automatic="freely" if rig.simulated else "confirmed" if wish.allow_automatic else "never",
-        mode="automatic" if wish.automatic else "approve each",
-        motions=wish.pushes,
+        config=config,
+        automatic="freely" if rig.simulated else "confirmed" if config.allow_automatic else "never",
+        mode="automatic" if config.automatic else "approve each",
+        motions=config.pushes,
         resumed_s=now_s,
         confirmable=confirmable(site.limits),
         passed=unchecked,

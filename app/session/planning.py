@@ -42,11 +42,17 @@ class Planning:
     """Maker of proposals. Requested pushes take precedence over the planner's."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Computer, site: Site, probing: Probing, announcer: MessageBus, clock: Clock
+        self,
+        config: EpisodeConfig,
+        planner: Computer,
+        site: Site,
+        probing: Probing,
+        announcer: MessageBus,
+        clock: Clock,
     ) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
-        self._asking = Asking(wish, announcer, planner, site, probing)
+        self._asking = Asking(config, announcer, planner, site, probing)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None
         self._doubted = ""
@@ -56,15 +62,15 @@ class Planning:
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
 
-    async def begin(self, wish: EpisodeConfig, do: Callable[[str], None]) -> Model:
+    async def begin(self, config: EpisodeConfig, do: Callable[[str], None]) -> Model:
         """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
         do("starting the planner")
-        known = nominal_model if wish.method.calibrated else uncalibrated_model
-        return self._announcer.say(wish.model or await self._planner.run(known, wish.task.name))
+        known = nominal_model if config.method.calibrated else uncalibrated_model
+        return self._announcer.say(config.model or await self._planner.run(known, config.task.name))
 
-    async def warm_up(self, wish: EpisodeConfig, model: Model) -> None:
+    async def warm_up(self, config: EpisodeConfig, model: Model) -> None:
         """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
-        planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
+        planner, task, preset, method = self._planner, config.task.name, config.preset, config.method
         for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method, self._site)):
             self._compiling.put(stage)
             await planner.run(warm_up_stage, task, preset, index, model, method, self._site)
@@ -102,27 +108,34 @@ class Planning:
         self._rejected, self._changed = (), None
 
     async def changed(
-        self, wish: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model
+        self, config: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model
     ) -> Proposal | None:
         """The plan that is shown with the requested change; None if it is infeasible, which is announced."""
-        began_s, goal = self._clock.now(), wish.goal.positions
+        began_s, goal = self._clock.now(), config.goal.positions
         index = shown.best if request.branch < 0 else request.branch
         try:
             found = await self._planner.run(
-                *(edited_plan, wish.task.name, wish.preset, observed.positions, goal, model, shown.branches, index),
+                *(edited_plan, config.task.name, config.preset, observed.positions, goal, model, shown.branches, index),
                 *(request.start, request.end, self._site, self._near, self._orientation),
             )
         except (PlanningError, WorkerError) as error:
             self._announcer.notice("edit", f"The edited motion cannot be offered. {error}")
             return None
-        return self._propose(wish, found, observed, model, (began_s, self._clock.now()))
+        return self._propose(config, found, observed, model, (began_s, self._clock.now()))
 
     def offer_next(self, changed: Proposal, at: int) -> None:
         """Propose it before the next plan, unless plans have become void since `at` (`SessionState.interruptions`)."""
         self._changed = at, changed
 
     async def proposal(
-        self, wish: EpisodeConfig, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...], *, at: int
+        self,
+        config: EpisodeConfig,
+        observed: Particles,
+        model: Model,
+        tool: ToolPose,
+        seeds: tuple[int, ...],
+        *,
+        at: int,
     ) -> Proposal:
         """A plan; where the planner fails, another with other random branches. The third error in a row is raised.
 
@@ -133,14 +146,14 @@ class Planning:
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
         self._predicted.clear()
-        await self._track(wish)
-        started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
+        await self._track(config)
+        started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
         lies = self._near, self._orientation
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
                 found = await self._asking.plan(observed, goal, model, *lies) or await self._planner.run(
-                    *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
+                    *(plan, config.task.name, config.preset, x, goal, model, seed, self._site, tool, config.method),
                     *(self._rejected, *lies),
                 )
             except (PlanningError, WorkerError) as error:
@@ -148,36 +161,36 @@ class Planning:
                 if attempt + 1 == FAILURES_IN_A_ROW:
                     raise
             else:
-                await self._doubt(wish, x)
+                await self._doubt(config, x)
                 now_s = self._clock.now()
-                return self._announcer.say(self._propose(wish, found, observed, model, (started_s, now_s)))
+                return self._announcer.say(self._propose(config, found, observed, model, (started_s, now_s)))
         raise AssertionError("the last attempt returns or raises")
 
     def _propose(
-        self, wish: EpisodeConfig, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
+        self, config: EpisodeConfig, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
     ) -> Proposal:
         """A plan made from one time to another, whose prediction helps to find the rope once it is carried out."""
-        proposal = wish.proposal(found, observed, model, began_s=lasted_s[0], now_s=lasted_s[1])
+        proposal = config.proposal(found, observed, model, began_s=lasted_s[0], now_s=lasted_s[1])
         self._predicted[proposal.id] = found.centreline
         return proposal
 
-    async def _track(self, wish: EpisodeConfig) -> None:
+    async def _track(self, config: EpisodeConfig) -> None:
         """Follow the object's ends through what was seen, and say it where they become known."""
         while self._seen:
             transition, model = self._seen.popleft()
             before = self._orientation
             try:
                 self._orientation = await self._planner.run(
-                    track_orientation, wish.task.name, before, transition, model
+                    track_orientation, config.task.name, before, transition, model
                 )
             except DipacError as error:
                 self._announcer.fault("orientation", error)
             if self._orientation.known and not before.known:
                 self._announcer.notice("orientation", _found(self._orientation), transition.id)
 
-    async def _doubt(self, wish: EpisodeConfig, x: Points) -> None:
+    async def _doubt(self, config: EpisodeConfig, x: Points) -> None:
         """Say, once, what makes it doubtful that the simulation begins where the object is."""
-        said = await self._planner.run(doubt, wish.task.name, x, self._near)
+        said = await self._planner.run(doubt, config.task.name, x, self._near)
         if said and said != self._doubted:
             self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
         self._doubted = said

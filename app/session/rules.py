@@ -66,7 +66,7 @@ def reduce(state: SessionState, event: Event) -> Reduced:
         case Interruption():
             return Reduced(_interrupted(state, event.why))
         case Reconfiguration():
-            return Reduced(_interrupted(replace(state, wish=event.wish), event.why))
+            return Reduced(_interrupted(replace(state, config=event.config), event.why))
         case Offer():
             return Reduced(replace(state, pending=event.proposal, decision=None))
         case Withdrawal():
@@ -154,7 +154,7 @@ def _counted(state: SessionState) -> Reduced:
 
 def _left_off(state: SessionState, why: str) -> Reduced:
     """Wait for requests in a session that stays; end any other."""
-    if state.wish.staying:
+    if state.config.staying:
         return _mode_set(state, "idle", f"{why}; set another goal or choose a mode")
     return Reduced(_left(replace(state, ended=True)))
 
@@ -162,12 +162,12 @@ def _left_off(state: SessionState, why: str) -> Reduced:
 def _observed(state: SessionState, seen: Observation) -> Reduced:
     """Leave off where the goal is reached, the experiment concluded, or the pushes are made."""
     made = seen.pushes - state.pushes_before
-    counted = state.wish.staying and state.mode == "automatic"  # The mode itself counts these.
+    counted = state.config.staying and state.mode == "automatic"  # The mode itself counts these.
     if seen.concluded:
         return _left_off(state, seen.concluded)
     if seen.reached:
         return _left_off(state, "the goal is reached")
-    if counted or seen.experiment or made < state.wish.pushes:
+    if counted or seen.experiment or made < state.config.pushes:
         return Reduced(state)
     return _left_off(state, f"{made} motions were made")
 
@@ -191,11 +191,11 @@ def _weighed(state: SessionState, event: PlanAssessment) -> Reduced:
 
 def _held(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
     """Forbid motion until somebody resumes, and void the plan that is shown."""
-    state = replace(state, stopped=True, goes_on=goes_on and state.wish.automatic and state.pauses < _MOST_PAUSES)
+    state = replace(state, stopped=True, goes_on=goes_on and state.config.automatic and state.pauses < _MOST_PAUSES)
     state, commands = _interrupted(state, "was made before the stop; planning again"), ()
     if state.mode == "automatic" and state.holder:
         state, commands = _mode_set(state, "approve each", "the arm was stopped")
-    until = f" within {UNATTENDED_S:.0f} s" if state.wish.automatic else ""
+    until = f" within {UNATTENDED_S:.0f} s" if state.config.automatic else ""
     onward = f"Press Resume in the console{until} to go on."
     if state.goes_on:
         onward = f"Nothing real moves, so the run goes on by itself in {PAUSE_S:.0f} s unless somebody presses STOP."

@@ -47,7 +47,7 @@ class Session:
                         stages.start_soon(part.run)
                     stages.start_soon(self._listen)
                     stages.start_soon(it.reporting.run, it.sensing, it.learning, it.approving, it.store)
-                    it.announcer.say(it.store.state.wish.goal)
+                    it.announcer.say(it.store.state.config.goal)
                     it.announcer.say(it.store.mode)
                     await self._work(stages)
                     stages.cancel_scope.cancel()
@@ -79,15 +79,15 @@ class Session:
 
     async def _work(self, stages: TaskGroup) -> None:
         """Go round until the session ends. What of it is done depends on the mode."""
-        it, wish = self.parts, self.store.state.wish
-        it.learning.begin(model := await it.planning.begin(wish, it.reporting.do))
+        it, config = self.parts, self.store.state.config
+        it.learning.begin(model := await it.planning.begin(config, it.reporting.do))
         stages.start_soon(self._chores.run)
-        stages.start_soon(it.planning.warm_up, wish, model)
+        stages.start_soon(it.planning.warm_up, config, model)
         while not self.store.state.ended:
             try:
                 await self._stages.turn()
             except DipacError as error:
-                if not wish.staying:
+                if not config.staying:
                     raise
                 it.announcer.fault("application", error)
                 self.store.dispatch(Failure())

@@ -63,7 +63,7 @@ class SessionStages:
         if self._store.state.interruptions != asked:  # As they are with the mode.
             return None
         state, summary, active = self._store.state, parts.summary, parts.probing.active
-        summary.reached = state.wish.reached(observed, parts.rig.arm.tool()) and not active
+        summary.reached = state.config.reached(observed, parts.rig.arm.tool()) and not active
         seen = Observation(summary.reached, summary.pushes, active, parts.probing.conclusion())
         return observed if self._store.dispatch(seen).interruptions == asked else None
 
@@ -71,10 +71,10 @@ class SessionStages:
         """A plan for the object where it is, which has been published; None where it is void or not worth its while."""
         parts, state = self._parts, self._store.state
         parts.reporting.do("planning")
-        wish, asked = state.wish, state.interruptions
-        seeds = (wish.seed, parts.summary.pushes, self._attempts)
+        config, asked = state.config, state.interruptions
+        seeds = (config.seed, parts.summary.pushes, self._attempts)
         tool = parts.rig.arm.tool()
-        proposal = await parts.planning.proposal(wish, observed, parts.learning.current, tool, seeds, at=asked)
+        proposal = await parts.planning.proposal(config, observed, parts.learning.current, tool, seeds, at=asked)
         self._attempts += 1
         self._touched()
         if (state := self._store.state).interruptions != asked:
@@ -93,7 +93,7 @@ class SessionStages:
             self._touched()
             return None
         parts.reporting.do("waiting for approval")
-        target = state.wish.target
+        target = state.config.target
         decision, approved = await parts.approving.decided(plan)
         if decision is not None and (approved or not decision.approve):
             parts.planning.decided(plan, approved=approved is not None)
@@ -119,7 +119,7 @@ class SessionStages:
             parts.planning.keep_prediction(proposal)
             now_s = parts.clock.now()
             parts.announcer.say(parts.summary.scored(proposal, before, executed, after, target, now_s=now_s))
-            if self._store.state.wish.answering:
+            if self._store.state.config.answering:
                 transition, model = self._noted(before, executed, after), parts.learning.models.value
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
                 await parts.probing.put(transition, before, after, parts.reporting.do)
@@ -166,7 +166,7 @@ class SessionStages:
         self._store.dispatch(MotionEnd(executed, parts.rig.arm.held))
         before = parts.sensing.before(executed.times_s[0])
         # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing.
-        known = self._store.state.wish.answering and self._store.state.passed
+        known = self._store.state.config.answering and self._store.state.passed
         if known and before and executed.outcome == "completed":
             parts.reporting.do("looking at what was done by hand")
             self._observed = await self._look()
@@ -186,7 +186,7 @@ class SessionStages:
         parts.reporting.do("looking at the object")
         due_s = max(self._touched_s, self._store.state.resumed_s) + parts.site.timing.settle_s
         observed = await parts.sensing.settled(due_s=due_s)
-        parts.summary.saw(observed, self._store.state.wish.target)
+        parts.summary.saw(observed, self._store.state.config.target)
         return observed
 
     def _touched(self) -> None:
@@ -199,9 +199,9 @@ class SessionStages:
         Asked only where each motion of the task ends at rest: of a longer sequence, what it costs so far says nothing.
         A policy that acts without a planner is not weighed.
         """
-        wish = self._store.state.wish
-        weighs = wish.task.at_rest and not wish.method.alone
-        worth = not weighs or proposal.is_improvement or brings_nearer(proposal, wish.target)
+        config = self._store.state.config
+        weighs = config.task.at_rest and not config.method.alone
+        worth = not weighs or proposal.is_improvement or brings_nearer(proposal, config.target)
         if self._store.dispatch(PlanAssessment(proposal, worth)).futile >= FUTILE_PLANS:
             self._parts.summary.exhausted = True
         return worth

@@ -36,7 +36,7 @@ class SessionState:
     moves before it is `passed`; the tool may be jogged before that, `by_hand`, until control changes hands.
     """
 
-    wish: EpisodeConfig
+    config: EpisodeConfig
     automatic: Automatic
 
     mode: ModeName
@@ -69,7 +69,7 @@ class SessionState:
     @property
     def patience_s(self) -> float | None:
         """Timeout of a stop [s]; None: it is waited for ever."""
-        if not self.wish.automatic:
+        if not self.config.automatic:
             return None
         return PAUSE_S if self.goes_on else UNATTENDED_S
 
@@ -93,7 +93,7 @@ class Interruption(NamedTuple):
 class Reconfiguration(NamedTuple):
     """Another goal is planned for, or with another model; `why` as above."""
 
-    wish: EpisodeConfig
+    config: EpisodeConfig
     why: str
 
 

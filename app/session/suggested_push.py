@@ -30,13 +30,19 @@ _MOVED_M = 1e-3
 
 @final
 class Probing:
-    """Chooses the pushes of the wish's experiment in the planner's process, and weighs causes after each batch."""
+    """Chooses the pushes of the episode's experiment in the planner's process, and weighs causes after each batch."""
 
     def __init__(
-        self, wish: EpisodeConfig, planner: Computer, site: Site, sensing: Sensing, announcer: MessageBus, clock: Clock
+        self,
+        config: EpisodeConfig,
+        planner: Computer,
+        site: Site,
+        sensing: Sensing,
+        announcer: MessageBus,
+        clock: Clock,
     ) -> None:
-        self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
-        self._opening = wish.opening
+        self._task, self._seed, self._experiment = config.task, config.seed, config.experiment
+        self._opening = config.opening
         self._planner, self._site, self._sensing = planner, site, sensing
         self._announcer, self._clock = announcer, clock
         self._made, self._draws = list["Push"](), 0
@@ -128,17 +134,17 @@ class Probing:
 
 @final
 class Asking:
-    """Makes plans of the wish's pushes, and of those that `probing` chooses.
+    """Makes plans of the episode's pushes, and of those that `probing` chooses.
 
     Like any plan they are shown, approved and checked before the arm moves.
     """
 
     def __init__(
-        self, wish: EpisodeConfig, announcer: MessageBus, planner: Computer, site: Site, probing: Probing
+        self, config: EpisodeConfig, announcer: MessageBus, planner: Computer, site: Site, probing: Probing
     ) -> None:
-        self._task, self._site = wish.task.name, site
+        self._task, self._site = config.task.name, site
         self._announcer, self._planner = announcer, planner
-        self._motions, self._probing = wish.asked, probing
+        self._motions, self._probing = config.asked, probing
 
     def answered(self) -> None:
         """The one that was offered has been decided on, and is not offered again."""

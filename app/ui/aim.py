@@ -22,9 +22,9 @@ class TargetHandle:
     """
 
     def __init__(
-        self, server: viser.ViserServer, workspace: Workspace, desk: OperatorController, hand: JogHandler
+        self, server: viser.ViserServer, workspace: Workspace, controller: OperatorController, hand: JogHandler
     ) -> None:
-        self._workspace, self._desk, self._hand = workspace, desk, hand
+        self._workspace, self._controller, self._hand = workspace, controller, hand
         self._at = (np.array(workspace.low) + np.array(workspace.high)) / 2
         low, high = workspace.low, workspace.high
         self._handle = server.scene.add_transform_controls(
@@ -48,7 +48,7 @@ class TargetHandle:
             self._handle.position = self._at
 
     async def _dragged(self, event: viser.TransformControlsEvent) -> None:
-        if self._desk.blocked_reason(f"client {event.client_id}") is None:
+        if self._controller.blocked_reason(f"client {event.client_id}") is None:
             self._put(np.asarray(event.target.position, np.float64))
 
     def _put(self, position: np.ndarray) -> None:

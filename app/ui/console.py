@@ -43,19 +43,19 @@ _REQUESTS_BOUND = 1000
 class Console:
     """An `Operator` that is a person at a browser."""
 
-    def __init__(self, *, url: str, desk: OperatorController, requests: Lossless[Request]) -> None:
+    def __init__(self, *, url: str, controller: OperatorController, requests: Lossless[Request]) -> None:
         self.url = url
         """Address to open; holds the token, so it is for the operator's eyes."""
-        self._desk = desk
+        self._controller = controller
         self._requests = requests
 
     def show(self, message: Message) -> None:
         """Show a message to the operator. Never blocks: the painter picks it up."""
-        self._desk.show(message)
+        self._controller.show(message)
 
     def reset(self, messages: Iterable[Message]) -> None:
         """Replace the shown state by these messages: a replay has jumped."""
-        self._desk.reset(messages)
+        self._controller.reset(messages)
 
     async def requests(self) -> AsyncIterator[Request]:
         """The operator's requests, in order."""
@@ -98,7 +98,7 @@ async def open_console(
             f"Port {port} on {host} cannot be had ({error.strerror}); choose another with --port."
         ) from None
     requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
-    desk = OperatorController(
+    controller = OperatorController(
         stop=stop,
         post=partial(_post, asyncio.get_running_loop(), requests),
         now=player.now if player else time.monotonic,
@@ -106,14 +106,20 @@ async def open_console(
     )
     with listening:
         page = Page(title=title, cell=cell, jogging=hand is not None)
-        badges = SessionKeys()
-        line = JogSocket(hand, badges, blocked_reason=desk.blocked_reason, refused=desk.turned_away) if hand else None
-        inbox = GoalUpload(desk, badges, desk.turned_away)
+        session_keys = SessionKeys()
+        line = (
+            JogSocket(hand, session_keys, blocked_reason=controller.blocked_reason, refused=controller.turned_away)
+            if hand
+            else None
+        )
+        goal_upload = GoalUpload(controller, session_keys, controller.turned_away)
         where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table}
-        furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)
-        ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
-        async with _serving(listening, desk, page, furnish, ways, tls) as url:
-            yield Console(url=url, desk=desk, requests=requests)
+        furnish = partial(
+            _set_scene, controller=controller, session_keys=session_keys, line=line, hand=hand, player=player, **where
+        )
+        ways = {"goal": goal_upload.receive} | ({"jog": line.serve} if line else {})
+        async with _serving(listening, controller, page, furnish, ways, tls) as url:
+            yield Console(url=url, controller=controller, requests=requests)
 
 
 def _post(loop: asyncio.AbstractEventLoop, requests: Lossless[Request], request: Request) -> None:
@@ -125,7 +131,7 @@ def _post(loop: asyncio.AbstractEventLoop, requests: Lossless[Request], request:
 @asynccontextmanager
 async def _serving(
     listening: socket.socket,
-    desk: OperatorController,
+    controller: OperatorController,
     page: Page,
     furnish: Callable[[ViserHost], RenderLoop],
     ways: Mapping[str, proxy.Handler],
@@ -137,38 +143,38 @@ async def _serving(
     names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
-    backstage = await to_thread.run_sync(lambda: ViserHost(label=page.title, passphrase=passphrase))
+    viser_host = await to_thread.run_sync(lambda: ViserHost(label=page.title, passphrase=passphrase))
     try:
-        painter = await to_thread.run_sync(furnish, backstage)
+        painter = await to_thread.run_sync(furnish, viser_host)
         front = proxy.Proxy(
             access=access,
             page=page,
-            viser_port=backstage.port,
+            viser_port=viser_host.port,
             passphrase=passphrase,
-            stop=desk.stop,
-            understood=backstage.takes,
-            refused=desk.turned_away,
+            stop=controller.stop,
+            understood=viser_host.takes,
+            refused=controller.turned_away,
             ways=ways,
         )
         try:
-            await _over_there(front.start(listening, context), backstage)
+            await _over_there(front.start(listening, context), viser_host)
             painter.start()
             address = tls.name if tls else f"[{host}]" if ":" in host else host
             yield f"{'https' if tls else 'http'}://{address}:{port}/?token={access.token}"
         finally:
             with anyio.CancelScope(shield=True):
                 await to_thread.run_sync(painter.close)
-                await _over_there(front.close(), backstage)
+                await _over_there(front.close(), viser_host)
     finally:
         with anyio.CancelScope(shield=True):
-            await to_thread.run_sync(backstage.close)
+            await to_thread.run_sync(viser_host.close)
 
 
 def _set_scene(
-    backstage: ViserHost,
+    viser_host: ViserHost,
     *,
-    desk: OperatorController,
-    badges: SessionKeys,
+    controller: OperatorController,
+    session_keys: SessionKeys,
     line: JogSocket | None,
     hand: JogHandler | None,
     player: Player | None,
@@ -177,14 +183,14 @@ def _set_scene(
     table: TablePlace,
 ) -> RenderLoop:
     """Build scene and panels on the server; returns their painter."""
-    _greet(backstage.server, desk, badges, line)
-    scene = ConsoleScene(backstage.server, limits, table)
-    panel = Panel(backstage.server, desk, scene, timing)
-    aim = TargetHandle(backstage.server, limits.workspace, desk, hand) if hand else None
-    playback = Playback(backstage.server, player) if player else None
+    _greet(viser_host.server, controller, session_keys, line)
+    scene = ConsoleScene(viser_host.server, limits, table)
+    panel = Panel(viser_host.server, controller, scene, timing)
+    aim = TargetHandle(viser_host.server, limits.workspace, controller, hand) if hand else None
+    playback = Playback(viser_host.server, player) if player else None
 
     def paint(board: ConsoleState, now_s: float) -> None:
-        with backstage.server.atomic():
+        with viser_host.server.atomic():
             scene.paint(board, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
             panel.paint(board, now_s)
             if aim is not None:
@@ -192,20 +198,22 @@ def _set_scene(
             if playback is not None:
                 playback.paint()
 
-    return RenderLoop(desk, paint)
+    return RenderLoop(controller, paint)
 
 
-def _greet(server: viser.ViserServer, desk: OperatorController, badges: SessionKeys, line: JogSocket | None) -> None:
-    """Tell each browser its name for control and records, and the desk when it leaves."""
+def _greet(
+    server: viser.ViserServer, controller: OperatorController, session_keys: SessionKeys, line: JogSocket | None
+) -> None:
+    """Tell each browser its name for control and records, and the controller when it leaves."""
 
     def came(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"
-        client.gui.add_html(cards.you(name, badges.issue(name)), order=-1.0)
+        client.gui.add_html(cards.you(name, session_keys.issue(name)), order=-1.0)
 
     def left(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"
-        badges.revoke(name)
-        desk.left(name)
+        session_keys.revoke(name)
+        controller.left(name)
         if line is not None:
             line.left(name)
 
@@ -213,6 +221,6 @@ def _greet(server: viser.ViserServer, desk: OperatorController, badges: SessionK
     server.on_client_disconnect(left)
 
 
-async def _over_there(coroutine: Coroutine[None, None, None], backstage: ViserHost) -> None:
+async def _over_there(coroutine: Coroutine[None, None, None], viser_host: ViserHost) -> None:
     """Run a coroutine on viser's loop and wait for its end."""
-    await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(coroutine, backstage.server.get_event_loop()))
+    await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(coroutine, viser_host.server.get_event_loop()))

@@ -60,12 +60,12 @@ class JogSocket:
     def __init__(
         self,
         hand: JogHandler,
-        badges: SessionKeys,
+        session_keys: SessionKeys,
         *,
         blocked_reason: Callable[[str], str | None],
         refused: Callable[[str], None],
     ) -> None:
-        self._hand, self._badges = hand, badges
+        self._hand, self._session_keys = hand, session_keys
         self._blocked_reason, self._refused = blocked_reason, refused
         self._open: dict[str, web.WebSocketResponse] = {}
         self._count = 0
@@ -99,7 +99,7 @@ class JogSocket:
 
     async def _talk(self, websocket: web.WebSocketResponse) -> None:
         key = await _introduction(websocket)
-        operator = self._badges.owner(key)
+        operator = self._session_keys.owner(key)
         if operator is None:
             await self._refuse(websocket, "it does not say by a key whose hand it is")
             return
@@ -121,7 +121,7 @@ class JogSocket:
         """Pass on each sample at once; those beyond the rate of a page are dropped, as late ones are worthless."""
         pace = RateLimiter(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
         async for message in websocket:
-            if self._badges.owner(key) is None:
+            if self._session_keys.owner(key) is None:
                 return
             if message.type is not aiohttp.WSMsgType.TEXT:
                 await self._refuse(websocket, "it is no sample of what is held")

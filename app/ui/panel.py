@@ -33,33 +33,33 @@ _MAIN_WIDTH_PX = 400
 
 @final
 class Panel:
-    """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
+    """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the controller."""
 
     def __init__(
-        self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene, timing: Timing
+        self, server: viser.ViserServer, controller: OperatorController, scene: ConsoleScene, timing: Timing
     ) -> None:
         self._server, self._gui = server, server.gui
-        self._desk, self._scene = desk, scene
+        self._controller, self._scene = controller, scene
         self._last = ConsoleState()
         self._drift = DriftMeter(timing)
-        self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
-        commands = not desk.board.replay
-        self._checklist = ChecklistForm(self._gui, desk) if commands else None
-        self._decision = DecisionForm(self._gui, desk) if commands else None
+        self._mode = Text(self._gui, cards.mode(self._last, controller.now()))
+        commands = not controller.board.replay
+        self._checklist = ChecklistForm(self._gui, controller) if commands else None
+        self._decision = DecisionForm(self._gui, controller) if commands else None
         self._modes: ModeForm | None = None
         if commands:
             with self._gui.add_folder("Mode"):
-                self._modes = ModeForm(self._gui, desk)
+                self._modes = ModeForm(self._gui, controller)
         with self._gui.add_folder("Plan"):
-            self._plan = Text(self._gui, cards.plan(self._last, desk.now()))
+            self._plan = Text(self._gui, cards.plan(self._last, controller.now()))
         self._demonstrations: DemonstrationForm | None = None
         if commands:
             with self._gui.add_folder("Demonstrations", expand_by_default=False):
-                self._demonstrations = DemonstrationForm(self._gui, desk)
+                self._demonstrations = DemonstrationForm(self._gui, controller)
         with self._gui.add_folder("Is the model right?"):
             self._watch = Text(self._gui, model_monitor_panel.watch(self._last))
         with self._gui.add_folder("Health"):
-            self._health = Text(self._gui, cards.health(self._last, desk.now()))
+            self._health = Text(self._gui, cards.health(self._last, controller.now()))
         self._place_main()
         self._build_side(commands=commands)
 
@@ -104,32 +104,32 @@ class Panel:
         )
 
     def _build_side(self, *, commands: bool) -> None:
-        server, desk, side = self._server, self._desk, self._gui.add_panel()
+        server, controller, side = self._server, self._controller, self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
-            self._cell = CellTab(server, desk, self._scene)
+            self._cell = CellTab(server, controller, self._scene)
         self._goal: GoalTab | None = None
         self._placing: PlacingTab | None = None
         if commands:
             with side.add_tab("Goal", viser.Icon.TARGET):
-                self._goal = GoalTab(server, desk)
+                self._goal = GoalTab(server, controller)
             with side.add_tab("Calibrate", viser.Icon.GRID_DOTS):
-                self._placing = PlacingTab(server, desk)
+                self._placing = PlacingTab(server, controller)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
-            self._plans = Plans(server, desk, self._scene)
+            self._plans = Plans(server, controller, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
         with side.add_tab("Model", viser.Icon.ADJUSTMENTS):
-            self._modelling = ModelTab(self._gui, desk, Path.cwd())
+            self._modelling = ModelTab(self._gui, controller, Path.cwd())
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
             if commands:
-                ProbeForm(self._gui, desk)
+                ProbeForm(self._gui, controller)
             self._verdict = Text(self._gui, model_monitor_panel.verdict(self._last))
         with side.add_tab("View", viser.Icon.EYE):
             self._gui.add_html(cards.key())
             self._add_switches()
             self._episode = Text(self._gui, cards.episode(self._last))
             if commands:
-                EndButton(self._gui, desk)
+                EndButton(self._gui, controller)
         side.dock_left()
         side.set_width(_SIDE_WIDTH_PX)
 

@@ -47,12 +47,12 @@ class Application:
         self._moving: anyio.CancelScope | None = None
         self._hand = self._steady
 
-    async def serve(self, inbox: Connection) -> None:
+    async def serve(self, goal_upload: Connection) -> None:
         """Move, and serve commands from outside: the name of a fault, or `again` after one."""
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(self._moves)
             while True:
-                name: str = await to_thread.run_sync(inbox.recv, abandon_on_cancel=True)
+                name: str = await to_thread.run_sync(goal_upload.recv, abandon_on_cancel=True)
                 self._done_s.value = time.monotonic()
                 getattr(self, name)()
 
@@ -148,7 +148,7 @@ def application(
     memory: ArmMemory,
     site: Site,
     take: Controlled,
-    inbox: Connection,
+    goal_upload: Connection,
     done_s: "Synchronized[float]",
     doing: Doing,
 ) -> None:
@@ -163,7 +163,7 @@ def application(
     try:
         while not memory.states.count:
             time.sleep(site.timing.arm_period_s)
-        anyio.run(Application(ProcessArm(memory, arm, site), site, doing, done_s).serve, inbox)
+        anyio.run(Application(ProcessArm(memory, arm, site), site, doing, done_s).serve, goal_upload)
     finally:
         memory.closing.value = 1
         end([arm])

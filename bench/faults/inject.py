@@ -136,9 +136,9 @@ class Subject:
 
     def _begin(self) -> None:
         self.memory = ArmMemory()
-        inbox, self._outbox = SPAWN.Pipe(duplex=False)
+        goal_upload, self._outbox = SPAWN.Pipe(duplex=False)
         self._done_s = SPAWN.Value("d", 0.0)
-        arguments = (self.memory, self._site, self._take, inbox, self._done_s, self.doing)
+        arguments = (self.memory, self._site, self._take, goal_upload, self._done_s, self.doing)
         self.process = SPAWN.Process(target=application, args=arguments)
         self.process.start()
 

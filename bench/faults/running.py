@@ -57,7 +57,7 @@ _ASKED = 1000
 """Requests that wait, as many as a console keeps."""
 
 
-def wish(*, calibrating: bool) -> EpisodeConfig:
+def config(*, calibrating: bool) -> EpisodeConfig:
     """The rope with 60 particles, and a goal that no stroke will ever reach."""
     task = replace(TASK, presets={_PRESET: Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)})
     return EpisodeConfig(
@@ -251,7 +251,7 @@ async def application(folder: Path, *, calibrating: bool, budget_bytes: int | No
         hand = Hand(Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=where.limits), _OPERATOR)
         session = Session(
             Parts(
-                wish(calibrating=calibrating),
+                config(calibrating=calibrating),
                 site=where,
                 rig=faulty,
                 operator=attendant,

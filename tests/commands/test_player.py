@@ -1,4 +1,4 @@
-"""A recording before the console's desk, without a browser: jumps, playing on, and what was planned again."""
+"""A recording before the console's controller, without a browser: jumps, playing on, and what was planned again."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,26 +40,26 @@ async def test_the_desk_follows_the_player(tmp_path: Path) -> None:
     timeline = await anyio.to_thread.run_sync(opening.__enter__)
     player = Player(reel(timeline))
     requests = Lossless[Request]("operator requests", bound=10)
-    desk = OperatorController(stop=lambda: None, post=requests.put_nowait, now=player.now, replay=True)
+    controller = OperatorController(stop=lambda: None, post=requests.put_nowait, now=player.now, replay=True)
     async with anyio.create_task_group() as tasks:
-        tasks.start_soon(show, player, timeline, Console(url="", desk=desk, requests=requests), planned)
+        tasks.start_soon(show, player, timeline, Console(url="", controller=controller, requests=requests), planned)
         player.jump(3.0)
-        await until(lambda: desk.board.pending is not None)
-        assert not desk.board.decidable
-        assert desk.board.pending is not None
-        assert desk.now() == pytest.approx(desk.board.pending.time_s, abs=1e-3)
+        await until(lambda: controller.board.pending is not None)
+        assert not controller.board.decidable
+        assert controller.board.pending is not None
+        assert controller.now() == pytest.approx(controller.board.pending.time_s, abs=1e-3)
 
         player.order(ReplanRequest(time_s=3.0))
-        await until(lambda: desk.board.shown is AGAIN)
+        await until(lambda: controller.board.shown is AGAIN)
         assert player.replanned is not None
         player.set_speed(FASTEST)
         player.toggle()
-        await until(lambda: len(desk.board.outcomes) == 3)
+        await until(lambda: len(controller.board.outcomes) == 3)
         await until(lambda: not player.where.playing)
-        assert desk.board.executed is not None
+        assert controller.board.executed is not None
 
         player.jump(0.0)
-        await until(lambda: desk.board.shown is None)
-        assert desk.board.outcomes == ()
+        await until(lambda: controller.board.shown is None)
+        assert controller.board.outcomes == ()
         tasks.cancel_scope.cancel()
     await anyio.to_thread.run_sync(opening.__exit__, None, None, None)

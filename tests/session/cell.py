@@ -199,12 +199,12 @@ class MemoryLog:
 class Run:
     """A session in a small cell, with all that is around it."""
 
-    def __init__(self, wish: EpisodeConfig, site: Site, rig: SmallRig) -> None:
+    def __init__(self, config: EpisodeConfig, site: Site, rig: SmallRig) -> None:
         self.site, self.rig = site, rig
         self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), planner_here()
         self.session = Session(
             Parts(
-                wish,
+                config,
                 site=site,
                 rig=rig,
                 operator=self.person,
@@ -246,10 +246,15 @@ class Run:
 
 @asynccontextmanager
 async def running(
-    site: Site, wish: EpisodeConfig, *, place: Place = "here", habits: Habits | None = None, rig: SmallRig | None = None
+    site: Site,
+    config: EpisodeConfig,
+    *,
+    place: Place = "here",
+    habits: Habits | None = None,
+    rig: SmallRig | None = None,
 ) -> AsyncGenerator[Run]:
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
-    run = Run(wish, site, rig or SmallRig(site))
+    run = Run(config, site, rig or SmallRig(site))
     run.rig.table.place = place
     with restored():
         await run.plans_with(habits or Habits())

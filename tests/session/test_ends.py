@@ -86,8 +86,8 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
 
 
 async def test_an_automatic_run_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
-    wish = small_wish(automatic=True)
-    near = replace(wish, task=replace(wish.task, stop_when=Near(limit_m2=1.0)))
+    config = small_wish(automatic=True)
+    near = replace(config, task=replace(config.task, stop_when=Near(limit_m2=1.0)))
     async with running(small_site(tmp_path), near) as run:
         assert await run.end() is None
         assert run.session.summary.reached
@@ -109,8 +109,8 @@ async def test_an_automatic_run_ends_where_no_motion_is_better_than_none(tmp_pat
 async def test_an_automatic_run_makes_motions_that_promise_enough_whatever_contact_costs(
     tmp_path: Path, share: float, terms: dict[str, float], pushes: int
 ) -> None:
-    wish = small_wish(pushes=2, automatic=True)
-    async with running(small_site(tmp_path), wish, habits=Habits(cost=0.1, share=share, terms=terms)) as run:
+    config = small_wish(pushes=2, automatic=True)
+    async with running(small_site(tmp_path), config, habits=Habits(cost=0.1, share=share, terms=terms)) as run:
         assert await run.end() is None
         assert (run.session.summary.pushes, run.session.summary.exhausted) == (pushes, pushes == 0)
 
@@ -125,8 +125,8 @@ async def test_a_session_that_goes_on_by_itself_waits_where_no_motion_is_better_
 
 
 async def test_where_what_is_seen_does_not_answer_a_push_is_scored_and_nothing_learned(tmp_path: Path) -> None:
-    wish = replace(small_wish(pushes=1, automatic=True), answering=False)
-    async with running(small_site(tmp_path), wish) as run:
+    config = replace(small_wish(pushes=1, automatic=True), answering=False)
+    async with running(small_site(tmp_path), config) as run:
         assert await run.end() is None
         assert len(run.person.all(Outcome)) == run.session.summary.pushes == 1
         assert not some(Transition, run.person.seen)
@@ -211,11 +211,11 @@ async def test_a_stop_that_somebody_pressed_is_not_lifted_by_an_automatic_run_be
 
 
 async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_would_show_there(tmp_path: Path) -> None:
-    wish = small_wish()
+    config = small_wish()
     y = np.linspace(-0.2, 0.2, 41)
     here = fill_tube(np.stack([np.full_like(y, 0.54), y, np.full_like(y, 0.008)], axis=1), 0.008, 60)
-    async with running(small_site(tmp_path), replace(wish, shown_goal=here)) as run:
+    async with running(small_site(tmp_path), replace(config, shown_goal=here)) as run:
         assert await run.end() is None
         assert run.session.summary.pushes == 0
-        assert run.session.summary.chamfer_m2[0] < wish.task.success.limit_m2
+        assert run.session.summary.chamfer_m2[0] < config.task.success.limit_m2
         assert run.rig.arm.begun == []

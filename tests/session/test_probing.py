@@ -42,7 +42,7 @@ OPENING = Episode(
 )
 
 
-def wish(experiment: Experiment | None) -> EpisodeConfig:
+def config(experiment: Experiment | None) -> EpisodeConfig:
     return EpisodeConfig(
         task=TASK,
         preset="cpu",
@@ -76,7 +76,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
     nodes, now_s = TASK.start(0), 10.0
     async with InsideWorker("planner") as planner:
         announcer = MessageBus(operator=shown, recorder=said, clock=clock, summary=Summary())
-        asked = wish(Experiment(budget=2, batch=1))
+        asked = config(Experiment(budget=2, batch=1))
         how = TASK.reconstruction("cpu")
         sensing = Sensing(SmallRig(small_site(tmp_path)), how, Summary(), announcer, clock)
         probing = Probing(asked, planner, Site(), sensing, announcer, clock)
@@ -127,6 +127,6 @@ async def test_a_session_without_an_experiment_asks_for_nothing(tmp_path: Path) 
     async with InsideWorker("planner") as planner:
         announcer = MessageBus(operator=Shown(0), recorder=MemoryLog(), clock=clock, summary=Summary())
         sensing = Sensing(SmallRig(small_site(tmp_path)), TASK.reconstruction("cpu"), Summary(), announcer, clock)
-        probing = Probing(wish(None), planner, Site(), sensing, announcer, clock)
+        probing = Probing(config(None), planner, Site(), sensing, announcer, clock)
         assert await probing.motion(seen(TASK.start(0), 1.0)) is None
         assert probing.conclusion() == ""

@@ -44,9 +44,9 @@ PERSONAL = {"clear": "Nobody is near."}
 def state(*, automatic: bool = False, staying: bool = False, pushes: int = 5, **fields: Any) -> SessionState:
     """State of a session with a person, or of an automatic run."""
     defaults = {"automatic": "freely", "mode": "automatic" if automatic else "approve each", "motions": pushes}
-    wish = small_wish(automatic=automatic, staying=staying, pushes=pushes)
+    config = small_wish(automatic=automatic, staying=staying, pushes=pushes)
     return SessionState(
-        **({"wish": wish, "resumed_s": 10.0, "confirmable": PERSONAL, "passed": True} | defaults | fields)
+        **({"config": config, "resumed_s": 10.0, "confirmable": PERSONAL, "passed": True} | defaults | fields)
     )
 
 
@@ -329,9 +329,9 @@ def test_a_change_is_of_the_plan_that_is_shown(events: list[Event], refused: boo
 
 
 def test_another_goal_or_model_voids_plans_with_its_reason() -> None:
-    wish = replace(small_wish(), goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=synthetic.rope(0.1)))
-    new, commands = after(state(), Reconfiguration(wish, "is for another goal"))
-    assert (new.wish, new.interruptions, new.interrupted, commands) == (wish, 1, "is for another goal", ())
+    config = replace(small_wish(), goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=synthetic.rope(0.1)))
+    new, commands = after(state(), Reconfiguration(config, "is for another goal"))
+    assert (new.config, new.interruptions, new.interrupted, commands) == (config, 1, "is for another goal", ())
     assert after(state(), Interruption("is offered as you changed it")).state.mode_changes == 0
 
 

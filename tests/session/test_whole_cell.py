@@ -21,7 +21,7 @@ SEED = 1
 async def test_an_automatic_session_brings_the_rope_nearer_to_its_goal(tmp_path: Path) -> None:
     task, site, clock = load("rope_push"), Site(recordings=tmp_path), VirtualClock()
     count = task.preset("cpu").particle_count
-    wish = EpisodeConfig(
+    config = EpisodeConfig(
         task=task,
         preset="cpu",
         goal=Goal(id=fresh_id("goal"), time_s=clock.now(), positions=task.goal(SEED, count)),
@@ -34,7 +34,7 @@ async def test_an_automatic_session_brings_the_rope_nearer_to_its_goal(tmp_path:
     async with lockstep_rig(stage=task.stage, start=task.start(SEED), site=site, seed=SEED, clock=clock) as rig:
         person, log = Person(rig.arm.stop), MemoryLog()
         ports = {"site": site, "rig": rig, "operator": person, "recorder": log, "clock": clock}
-        parts = Parts(wish, **ports, planner=InsideWorker("planner"), computers=InsideWorker)
+        parts = Parts(config, **ports, planner=InsideWorker("planner"), computers=InsideWorker)
         summary = await Session(parts).run()
     assert [made.outcome for made in person.all(Executed)] == ["completed"] * 2
     assert len(person.all(Outcome)) == summary.pushes == 2

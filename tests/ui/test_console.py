@@ -154,7 +154,7 @@ async def test_the_websocket_carries_what_is_shown():
 
 
 @asynccontextmanager
-async def backstage() -> AsyncIterator[ViserHost]:
+async def viser_host() -> AsyncIterator[ViserHost]:
     stage = await anyio.to_thread.run_sync(lambda: ViserHost(label="test", passphrase="open sesame"))
     stage.server.gui.add_markdown("the secret of the cell")
     try:
@@ -168,7 +168,7 @@ async def test_viser_itself_closes_on_who_did_not_come_through_the_proxy_before_
     headers: dict[str, str],
 ):
     async with (
-        backstage() as stage,
+        viser_host() as stage,
         aiohttp.ClientSession() as session,
         session.ws_connect(f"http://127.0.0.1:{stage.port}/", protocols=[PROTOCOL], headers=headers) as websocket,
     ):
@@ -181,7 +181,7 @@ async def test_viser_itself_closes_on_who_did_not_come_through_the_proxy_before_
 
 async def test_viser_itself_answers_the_proxy():
     async with (
-        backstage() as stage,
+        viser_host() as stage,
         aiohttp.ClientSession() as session,
         session.ws_connect(
             f"http://127.0.0.1:{stage.port}/", protocols=[PROTOCOL], headers={PROXY_HEADER: "open sesame"}
@@ -191,7 +191,7 @@ async def test_viser_itself_answers_the_proxy():
 
 
 async def test_no_client_can_have_the_console_tunnelled_to_the_internet():
-    async with backstage() as stage:
+    async with viser_host() as stage:
         assert stage.server.request_share_url() is None
 
 
@@ -262,7 +262,7 @@ async def test_requests_come_in_the_order_of_the_presses():
         proposal = synthetic.proposal(synthetic.rope(0.5))
         it.console.show(proposal)
         await anyio.to_thread.run_sync(
-            lambda: it.console._desk.decide(proposal, approve=False, operator="client 0", reason="no")
+            lambda: it.console._controller.decide(proposal, approve=False, operator="client 0", reason="no")
         )
         assert await anyio.to_thread.run_sync(press_stop, it.url) == 200
         requests = it.console.requests()

@@ -8,12 +8,12 @@ from app.ui.view.render_loop import RenderLoop
 from tests.ui import synthetic
 
 
-def desk() -> OperatorController:
+def controller() -> OperatorController:
     return OperatorController(stop=lambda: None, post=lambda request: None)
 
 
 def test_a_slow_painter_delays_nobody_and_paints_the_newest():
-    table, allowed, painted = desk(), threading.Event(), list[ConsoleState]()
+    table, allowed, painted = controller(), threading.Event(), list[ConsoleState]()
     newest = threading.Event()
 
     def paint(board: ConsoleState, _: float) -> None:
@@ -35,7 +35,7 @@ def test_a_slow_painter_delays_nobody_and_paints_the_newest():
 
 
 def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog):
-    table, strokes = desk(), threading.Semaphore(0)
+    table, strokes = controller(), threading.Semaphore(0)
 
     def paint(board: ConsoleState, _: float) -> None:
         strokes.release()
@@ -52,4 +52,4 @@ def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog)
 
 
 def test_a_painter_that_never_began_can_be_closed():
-    RenderLoop(desk(), lambda board, now_s: None).close()
+    RenderLoop(controller(), lambda board, now_s: None).close()

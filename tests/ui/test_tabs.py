@@ -27,19 +27,19 @@ LEFT = synthetic.frame(synthetic.camera("left", -1.0), synthetic.rope(0.5))
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = ViserHost(label="test", passphrase="x")
-    yield backstage.server
-    backstage.close()
+    viser_host = ViserHost(label="test", passphrase="x")
+    yield viser_host.server
+    viser_host.close()
 
 
-def desk() -> OperatorController:
+def controller() -> OperatorController:
     posted: list[Request] = []
     return OperatorController(stop=lambda: None, post=posted.append)
 
 
 def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: ViserServer, tmp_path: Path):
     one, two, three = (version(number, 2e4) for number in (1, 2, 3))
-    versions = Versions(server.gui, desk(), tmp_path)
+    versions = Versions(server.gui, controller(), tmp_path)
     versions.paint(board_after(one))
     versions.paint(board_after(one, two))
     assert versions._chosen.value == label(two)
@@ -51,7 +51,7 @@ def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: Vis
 
 
 def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_path: Path):
-    versions = Versions(server.gui, desk(), tmp_path)
+    versions = Versions(server.gui, controller(), tmp_path)
     versions.paint(board_after(version(1, 2e4)))
     versions._chosen.value = versions._other.value = "version 99"
     versions.paint(board_after(version(1, 2e4)))
@@ -60,7 +60,7 @@ def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_p
 
 
 def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: ViserServer):
-    cell = CellTab(server, desk(), ConsoleScene(server, Limits()))
+    cell = CellTab(server, controller(), ConsoleScene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     view = cell._views["left"]
@@ -79,7 +79,7 @@ def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: V
 
 
 def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
-    cell = CellTab(server, desk(), ConsoleScene(server, Limits()))
+    cell = CellTab(server, controller(), ConsoleScene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     assert not cell._large._panel.visible

@@ -21,9 +21,9 @@ RED = ColourRange(hue_low_deg=340.0, hue_high_deg=20.0, saturation_low=0.4, valu
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = ViserHost(label="test", passphrase="x")
-    yield backstage.server
-    backstage.close()
+    viser_host = ViserHost(label="test", passphrase="x")
+    yield viser_host.server
+    viser_host.close()
 
 
 @pytest.fixture

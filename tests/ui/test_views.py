@@ -25,9 +25,9 @@ REAL = replace(synthetic.episode(), simulated=False)
 
 @pytest.fixture
 def server() -> Iterator[ViserServer]:
-    backstage = ViserHost(label="test", passphrase="x")
-    yield backstage.server
-    backstage.close()
+    viser_host = ViserHost(label="test", passphrase="x")
+    yield viser_host.server
+    viser_host.close()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.serial
 
 
 @pytest.fixture(scope="module")
-def backstage() -> Iterator[ViserHost]:
+def viser_host() -> Iterator[ViserHost]:
     opened = ViserHost(label="test", passphrase="secret")
     yield opened
     opened.close()
@@ -22,19 +22,19 @@ def said(uuid: str, value: object) -> bytes:
 
 
 @pytest.mark.parametrize(("value", "taken"), [(3, True), (3.5, True), ("3", False), ([], False), (None, False)])
-def test_a_slider_is_told_numbers(backstage: ViserHost, value: object, taken: bool) -> None:
-    slider = backstage.server.gui.add_slider("Moment", 0, 8, 1, 0)
-    assert backstage.takes(said(slider._impl.uuid, value)) is taken
+def test_a_slider_is_told_numbers(viser_host: ViserHost, value: object, taken: bool) -> None:
+    slider = viser_host.server.gui.add_slider("Moment", 0, 8, 1, 0)
+    assert viser_host.takes(said(slider._impl.uuid, value)) is taken
 
 
 @pytest.mark.parametrize(("value", "taken"), [([1, 2.5], True), ([1, "x"], False), (1, False), ([[1], [2]], False)])
-def test_what_holds_several_numbers_is_told_several(backstage: ViserHost, value: object, taken: bool) -> None:
-    place = backstage.server.gui.add_vector2("Place", (0.0, 0.0))
-    assert backstage.takes(said(place._impl.uuid, value)) is taken
+def test_what_holds_several_numbers_is_told_several(viser_host: ViserHost, value: object, taken: bool) -> None:
+    place = viser_host.server.gui.add_vector2("Place", (0.0, 0.0))
+    assert viser_host.takes(said(place._impl.uuid, value)) is taken
 
 
-def test_words_and_widgets_that_are_gone_are_viser_s_own(backstage: ViserHost) -> None:
-    text = backstage.server.gui.add_text("Reason", "")
-    assert backstage.takes(said(text._impl.uuid, "because"))
-    assert backstage.takes(said("nobody", "because"))
-    assert not backstage.takes(b"nonsense")
+def test_words_and_widgets_that_are_gone_are_viser_s_own(viser_host: ViserHost) -> None:
+    text = viser_host.server.gui.add_text("Reason", "")
+    assert viser_host.takes(said(text._impl.uuid, "because"))
+    assert viser_host.takes(said("nobody", "because"))
+    assert not viser_host.takes(b"nonsense")

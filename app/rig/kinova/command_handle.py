@@ -45,7 +45,7 @@ class CommandHandle:
 
 
 def made(
-    errand: CommandHandle,
+    handle: CommandHandle,
     kortex: Kortex,
     grip: Callable[[float], None],
     stretches: tuple[TrajectorySegment, ...],
@@ -61,20 +61,20 @@ def made(
         try:
             kortex.check(ways)
         except MotionRefused as refused:
-            errand.refusal = refused
+            handle.refusal = refused
             raise
     for stretch in stretches:
         check()
         if stretch.closed is not None:
             grip(stretch.closed)
         if stretch.ways:
-            _go(errand, kortex, stretch, check)
+            _go(handle, kortex, stretch, check)
             _arrive(stretch.end, check, look)
         elif stretch.closed is not None:
             _close(stretch.closed, check, look)
 
 
-def _go(errand: CommandHandle, kortex: Kortex, stretch: TrajectorySegment, check: Callable[[], None]) -> None:
+def _go(handle: CommandHandle, kortex: Kortex, stretch: TrajectorySegment, check: Callable[[], None]) -> None:
     """Follow the waypoints until the arm reports the end."""
     kortex.events()
     check()
@@ -87,7 +87,7 @@ def _go(errand: CommandHandle, kortex: Kortex, stretch: TrajectorySegment, check
                 continue
             # Earlier events are of another action.
             known = known or each.action_event in (ActionEvent.PREPROCESS_START, ActionEvent.START)
-            errand.begun = errand.begun or each.action_event == ActionEvent.START
+            handle.begun = handle.begun or each.action_event == ActionEvent.START
             if known and each.action_event == ActionEvent.END:
                 return
             if known and each.action_event in (ActionEvent.ABORT, ActionEvent.PREPROCESS_ABORT):

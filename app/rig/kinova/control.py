@@ -77,7 +77,7 @@ class KinovaControl:
         blind_s: float,
     ) -> None:
         self._driver, self._limits, self._joints_of, self._blind_s = driver, site.limits, joints_of, blind_s
-        self._errand: CommandHandle | None = None
+        self._handle: CommandHandle | None = None
         self._refusal: MotionRefused | None = None
         self._clearing: CommandHandle | None = None
         self._path: Along | None = None
@@ -120,7 +120,7 @@ class KinovaControl:
             return
         self._path, self._end, self._by = Along(points), points[-1], None
         ways = stretches(points, speeds, self._limits.opening_m, self._limits.angular_speed_rad_s)
-        self._errand = self._driver.go(ways)
+        self._handle = self._driver.go(ways)
         self.mode, self.reason = "moving", ""
 
     def refusal(self) -> MotionRefused | None:
@@ -162,7 +162,7 @@ class KinovaControl:
             return
         self.reason = reason
         self.mode = "stopping" if self.mode == "moving" else "stopped"
-        self._errand = self._jogging = self._path = self._end = None
+        self._handle = self._jogging = self._path = self._end = None
 
     def reset(self) -> None:
         """Accept motions again; an arm in fault is asked to leave it first, and reports the faults that remain."""
@@ -185,8 +185,8 @@ class KinovaControl:
             self._cleared(self._clearing.problem)
         elif self.mode == "moving" and self._jogging is not None:
             self._push(self._jogging, seen, duration_s)
-        elif self.mode == "moving" and self._errand is not None:
-            self._follow(self._errand, duration_s)
+        elif self.mode == "moving" and self._handle is not None:
+            self._follow(self._handle, duration_s)
         elif self.mode == "stopping" and seen.still:
             self.mode = "stopped"
         if self.mode != "moving":
@@ -207,7 +207,7 @@ class KinovaControl:
         if why and self.mode != "fault":
             self._driver.stop()
             self.mode, self.reason = "fault", why
-            self._errand = self._jogging = self._path = self._end = None
+            self._handle = self._jogging = self._path = self._end = None
         elif why and self._clearing is None:
             self.reason = why
         elif self.mode == "fault" and self._clearing is None and self.reason.startswith("The connection"):
@@ -227,24 +227,24 @@ class KinovaControl:
 
     def _others(self, seen: ArmFeedback) -> bool:
         """True where the arm has come to obey another connection since it began to move for this one."""
-        begun = self._pushed if self._jogging is not None else self._errand is not None and self._errand.begun
+        begun = self._pushed if self._jogging is not None else self._handle is not None and self._handle.begun
         if begun and not seen.still and self._by is None:
             self._by = seen.by
         return self._by is not None and seen.by != self._by
 
-    def _follow(self, errand: CommandHandle, duration_s: float) -> None:
+    def _follow(self, handle: CommandHandle, duration_s: float) -> None:
         """Update the progress and the end of a motion."""
-        if self._path is not None and errand.begun:
+        if self._path is not None and handle.begun:
             speed_m_s = self._limits.speed_m_s
             self.commanded = self._path.advance(self.measured, speed_m_s * duration_s, speed_m_s * self._elapsed_s)
-        if not errand.over:
+        if not handle.over:
             return
-        self._errand = self._path = None
-        if errand.refusal is not None:
-            self.mode, self._refusal, self._end = "idle", errand.refusal, None
-        elif errand.problem:
+        self._handle = self._path = None
+        if handle.refusal is not None:
+            self.mode, self._refusal, self._end = "idle", handle.refusal, None
+        elif handle.problem:
             self._driver.stop()
-            self.mode, self.reason, self._end = "stopping", errand.problem, None
+            self.mode, self.reason, self._end = "stopping", handle.problem, None
         else:
             self.mode = "idle"
 

@@ -53,7 +53,7 @@ class Driver:
         self._own_limits, self._grip = OwnLimits(kortex), Grip(kortex, site.limits.gripper_ma)
         self._seen: ArmFeedback | None = None
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
-        self._errands = deque[tuple[int, CommandHandle, _Body]]()
+        self._handles = deque[tuple[int, CommandHandle, _Body]]()
         self._twist: _Velocity | None = None
         self._twist_s = 0.0
         self._stops = self._pulses = self._asked = self._answered = 0
@@ -112,18 +112,18 @@ class Driver:
         """Have the arm validate all segments, then execute them in order; they are in the table's frame."""
         told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
-        def body(number: int, errand: CommandHandle) -> None:
-            made(errand, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
+        def body(number: int, handle: CommandHandle) -> None:
+            made(handle, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
 
         return self._send(body)
 
     def clear(self) -> CommandHandle:
         """Have the arm leave its fault."""
-        return self._send(lambda _number, _errand: self._clear())
+        return self._send(lambda _number, _handle: self._clear())
 
     def grip(self, closed: float) -> CommandHandle:
         """Move the fingers: 0 open to 1 closed. The tool goes on with its motion."""
-        return self._send(lambda _number, _errand: self._grip.close(closed), ends_twist=False)
+        return self._send(lambda _number, _handle: self._grip.close(closed), ends_twist=False)
 
     def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
         """Move at this velocity [m/s, rad/s] until another or `stop`; ended where it is not repeated soon.
@@ -140,18 +140,18 @@ class Driver:
         with self._work:
             self._stops += 1
             self._twist, self.refused = None, ""
-            dropped, self._errands = self._errands, deque()
-        for _, errand, _ in dropped:
-            errand.end("It was stopped before it began.")
+            dropped, self._handles = self._handles, deque()
+        for _, handle, _ in dropped:
+            handle.end("It was stopped before it began.")
         self._stop.set()
 
     def _send(self, body: _Body, *, ends_twist: bool = True) -> CommandHandle:
-        errand = CommandHandle()
+        handle = CommandHandle()
         with self._work:
             self._twist = None if ends_twist else self._twist
-            self._errands.append((self._stops, errand, body))
+            self._handles.append((self._stops, handle, body))
             self._work.notify_all()
-        return errand
+        return handle
 
     def _current(self, number: int) -> Callable[[], None]:
         """A check that raises Superseded once a stop has come since, or the connection is gone."""
@@ -253,12 +253,12 @@ class Driver:
         while not self._over.is_set():
             with self._work:
                 self._work.wait_for(self._wanted, COMMAND_S)
-                errand = self._errands.popleft() if self._errands else None
+                handle = self._handles.popleft() if self._handles else None
                 number, twist, age_s = self._stops, self._twist, time.monotonic() - self._twist_s
                 if age_s > TWIST_S:
                     self._twist = twist = None
-            if errand is not None:
-                begun, what, body = errand
+            if handle is not None:
+                begun, what, body = handle
                 self._run(begun, what, body)
             elif twist is not None:
                 moving = True
@@ -271,7 +271,7 @@ class Driver:
 
     def _wanted(self) -> bool:
         """True where the command thread has work, or must end."""
-        return bool(self._errands) or self._twist is not None or self._over.is_set()
+        return bool(self._handles) or self._twist is not None or self._over.is_set()
 
     def _push(self, number: int, twist: _Velocity) -> None:
         """Send a twist; an unanswered one may have been received all the same."""
@@ -285,17 +285,17 @@ class Driver:
         if self._stops != number:
             self._stop.set()  # A stop came while it was sent, and may have been heard before it.
 
-    def _run(self, number: int, errand: CommandHandle, body: _Body) -> None:
+    def _run(self, number: int, handle: CommandHandle, body: _Body) -> None:
         problem = ""
         try:
-            body(number, errand)
+            body(number, handle)
         except Preempted:
             problem = "It was stopped."
         except DeviceError as error:
             problem = str(error)
-        if self._stops != number or (problem and errand.refusal is None):
+        if self._stops != number or (problem and handle.refusal is None):
             self._stop.set()  # A command begun before the stop may have been received after it.
-        errand.end(problem)
+        handle.end(problem)
 
     def _clear(self) -> None:
         """Clear faults and verify. Raises DeviceError with those that remain."""

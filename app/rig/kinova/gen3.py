@@ -122,8 +122,8 @@ def nearer(joints: Joints, target: Transform, *, centring: float = 0.0) -> Joint
     J, error = jacobian(links), away(links, target)
     error *= min(1.0, _LONGEST_STEP / max(float(np.abs(error).max()), _ARRIVED))
     inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING**2 * np.eye(6))
-    wish = np.where(np.isfinite(RANGE), -centring * joints, 0.0)
-    moved = joints + inverse @ error + (np.eye(7) - inverse @ J) @ wish
+    config = np.where(np.isfinite(RANGE), -centring * joints, 0.0)
+    moved = joints + inverse @ error + (np.eye(7) - inverse @ J) @ config
     return np.clip(moved, -RANGE, RANGE)
 
 

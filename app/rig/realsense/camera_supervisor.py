@@ -28,10 +28,10 @@ class Keeper:
     `known`: it has given an image, or was searched for several times in vain.
     """
 
-    def __init__(self, name: str, source: Source, settings: StreamSettings, patience: RecoveryTimeouts) -> None:
+    def __init__(self, name: str, source: Source, settings: StreamSettings, timeouts: RecoveryTimeouts) -> None:
         self.memory = CaptureMemory(settings)
         self.known, self._in_vain = anyio.Event(), 0
-        self._name, self._source, self._settings, self._patience = name, source, settings, patience
+        self._name, self._source, self._settings, self._timeouts = name, source, settings, timeouts
         self._process: BaseProcess | None = None
         self._ladder = Ladder.at_start(time.monotonic())
 
@@ -65,7 +65,7 @@ class Keeper:
                 await to_thread.run_sync(self._end)
 
     def _climb(self, sight: CaptureStatus) -> Action | None:
-        former, (self._ladder, action) = self._ladder, climb(self._ladder, sight, self._patience)
+        former, (self._ladder, action) = self._ladder, climb(self._ladder, sight, self._timeouts)
         if sight.absent and self._ladder.phase == "waiting" != former.phase:
             self._in_vain += 1
         if self.streamed or self._in_vain >= _LOOKS:

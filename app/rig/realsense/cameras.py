@@ -18,22 +18,22 @@ _START_S = 30.0
 
 
 def realsense_cameras(
-    mounted: Sequence[Mounted], timing: Timing, *, patience: RecoveryTimeouts | None = None, start_s: float = _START_S
+    mounted: Sequence[Mounted], timing: Timing, *, timeouts: RecoveryTimeouts | None = None, start_s: float = _START_S
 ) -> AbstractAsyncContextManager[Sequence[RealSenseCamera]]:
     """The cameras, each streaming in a supervised process of its own until the block is left.
 
     Raises DeviceError on entry, with the problem, where one is missing, gives no image within `start_s`, or differs
     from its calibration.
     """
-    return _opened(mounted, timing, patience or RecoveryTimeouts(), start_s)
+    return _opened(mounted, timing, timeouts or RecoveryTimeouts(), start_s)
 
 
 @asynccontextmanager
 async def _opened(
-    mounted: Sequence[Mounted], timing: Timing, patience: RecoveryTimeouts, start_s: float
+    mounted: Sequence[Mounted], timing: Timing, timeouts: RecoveryTimeouts, start_s: float
 ) -> AsyncGenerator[Sequence[RealSenseCamera]]:
     keepers = [
-        await to_thread.run_sync(Keeper, each.name, each.source, each.settings, patience)  # Makes memory, which blocks.
+        await to_thread.run_sync(Keeper, each.name, each.source, each.settings, timeouts)  # Makes memory, which blocks.
         for each in mounted
     ]
     try:

@@ -110,7 +110,7 @@ class Ladder:
         return f"no image for {max(0.0, now_s - self.lost_s):.0f} s{f' ({self.why})' if self.why else ''}: {doing}"
 
 
-def climb(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def climb(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Next state of the recovery, and the command for the process."""
     if ladder.phase == "ended":
         return ladder, None
@@ -118,47 +118,47 @@ def climb(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> t
         return replace(ladder, phase="ended", since_s=sight.now_s, why=sight.failure), None
     if ladder.phase == "replacing":
         return _replace(ladder, sight)
-    if why := sight.death or _hung(sight, patience):
-        return _to_replace(ladder, sight, why, patience)
+    if why := sight.death or _hung(sight, timeouts):
+        return _to_replace(ladder, sight, why, timeouts)
     if ladder.phase == "streaming":
-        return _watched(ladder, sight, patience)
+        return _watched(ladder, sight, timeouts)
     if ladder.phase == "waiting":
         return _again(ladder, sight)
-    return _wait(ladder, sight, patience)
+    return _wait(ladder, sight, timeouts)
 
 
-def _watched(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _watched(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Watch incoming images; take the first step when they stop."""
-    late = sight.now_s - sight.image_s > patience.late_s
+    late = sight.now_s - sight.image_s > timeouts.late_s
     if late or sight.step == "failed":
         why = sight.failure or "the stream stands still"
         return replace(ladder, phase="opening", since_s=sight.now_s, lost_s=sight.image_s, why=why), "open"
-    if ladder.failures and sight.now_s - ladder.since_s > patience.steady_s:
+    if ladder.failures and sight.now_s - ladder.since_s > timeouts.steady_s:
         return replace(ladder, failures=0), None
     return ladder, None
 
 
-def _wait(ladder: Ladder, sight: CaptureStatus, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _wait(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Wait for the first image after a command."""
     if sight.image_s > ladder.since_s:
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
-    given_s = patience.reset_s if ladder.phase == "resetting" else patience.open_s
+    given_s = timeouts.reset_s if ladder.phase == "resetting" else timeouts.open_s
     if sight.step == "failed":
-        return _failed(ladder, sight, sight.failure, patience)
+        return _failed(ladder, sight, sight.failure, timeouts)
     if sight.now_s - ladder.since_s > given_s:
-        return _failed(ladder, sight, f"no image came within {given_s:.0f} s", patience)
+        return _failed(ladder, sight, f"no image came within {given_s:.0f} s", timeouts)
     return ladder, None
 
 
-def _failed(ladder: Ladder, sight: CaptureStatus, why: str, patience: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _failed(ladder: Ladder, sight: CaptureStatus, why: str, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Take the step after a failed one. A camera that never worked is not reset: another program may be using it."""
     here = replace(ladder, since_s=sight.now_s, why=why)
     if sight.absent:
-        return replace(here, phase="waiting", until_s=sight.now_s + patience.absent_s), None
+        return replace(here, phase="waiting", until_s=sight.now_s + timeouts.absent_s), None
     here = replace(here, failures=ladder.failures + 1)
     if ladder.phase != "resetting" and ladder.streamed:
         return replace(here, phase="resetting"), "reset"
-    return replace(here, phase="waiting", until_s=sight.now_s + _back_off_s(here.failures, patience)), None
+    return replace(here, phase="waiting", until_s=sight.now_s + _back_off_s(here.failures, timeouts)), None
 
 
 def _again(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]:
@@ -169,10 +169,10 @@ def _again(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]
 
 
 def _to_replace(
-    ladder: Ladder, sight: CaptureStatus, why: str, patience: RecoveryTimeouts
+    ladder: Ladder, sight: CaptureStatus, why: str, timeouts: RecoveryTimeouts
 ) -> tuple[Ladder, Action | None]:
     """Replace the process: at once the first time, later ones after growing delays."""
-    wait_s = _back_off_s(ladder.failures, patience) if ladder.failures else 0.0
+    wait_s = _back_off_s(ladder.failures, timeouts) if ladder.failures else 0.0
     gone = replace(ladder, phase="replacing", until_s=sight.now_s + wait_s, failures=ladder.failures + 1, why=why)
     if ladder.phase == "streaming":
         gone = replace(gone, lost_s=sight.image_s)
@@ -186,21 +186,21 @@ def _replace(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | Non
     return replace(ladder, phase="starting", since_s=sight.now_s), "replace"
 
 
-def _hung(sight: CaptureStatus, patience: RecoveryTimeouts) -> str:
+def _hung(sight: CaptureStatus, timeouts: RecoveryTimeouts) -> str:
     """Description of a hanging call; empty where none is indicated."""
     quiet_s = sight.now_s - sight.pulse_s
-    if quiet_s <= _silence_s(sight.step, patience):
+    if quiet_s <= _silence_s(sight.step, timeouts):
         return ""
     return f"its process said nothing for {quiet_s:.0f} s while {_DOING[sight.step]}"
 
 
-def _silence_s(step: Step, patience: RecoveryTimeouts) -> float:
+def _silence_s(step: Step, timeouts: RecoveryTimeouts) -> float:
     """Longest time without a heartbeat [s]."""
     if step in _LIVELY:
-        return patience.quiet_s
-    return patience.close_s if step == "closing" else patience.slow_s
+        return timeouts.quiet_s
+    return timeouts.close_s if step == "closing" else timeouts.slow_s
 
 
-def _back_off_s(failures: int, patience: RecoveryTimeouts) -> float:
+def _back_off_s(failures: int, timeouts: RecoveryTimeouts) -> float:
     """Delay before the next try [s]: 1, 2, 4, ... times the first, up to the longest."""
-    return min(patience.back_off_s * 2.0 ** min(failures - 1, 30), patience.longest_back_off_s)
+    return min(timeouts.back_off_s * 2.0 ** min(failures - 1, 30), timeouts.longest_back_off_s)

@@ -46,7 +46,7 @@ def known() -> dict[str, Hidden]:
     return {name: module.HIDDEN for name, module in files_of(injected_effects)}
 
 
-def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:
+def draw(requests: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:
     """The effects with random directions, positions and signs of `seed`, in alphabetical order.
 
     Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
@@ -54,7 +54,8 @@ def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect,
     """
     rng = np.random.default_rng([seed, _DRAWS])
     return tuple(
-        InjectedEffect(name=name, effect=effect, values=effect.draw(size, rng)) for name, effect, size in _found(wishes)
+        InjectedEffect(name=name, effect=effect, values=effect.draw(size, rng))
+        for name, effect, size in _found(requests)
     )
 
 
@@ -100,26 +101,28 @@ def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
     ]
 
 
-def _found(wishes: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
+def _found(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
     files = known()
-    names = [wish.name for wish in wishes]
-    for wish in sorted(wishes, key=lambda wish: wish.name):
-        if wish.name in IMPOSSIBLE:
-            raise UsageError(f"{wish.name} cannot be hidden: {IMPOSSIBLE[wish.name]}. What can be: {', '.join(files)}.")
-        if wish.name not in files:
-            raise UsageError.unknown("effect", wish.name, files)
-        if names.count(wish.name) > 1:
-            raise UsageError(f"{wish.name} is named twice; name each effect once, as EFFECT or EFFECT=SIZE.")
-        yield wish.name, files[wish.name], _size(wish, files[wish.name])
+    names = [request.name for request in requests]
+    for request in sorted(requests, key=lambda request: request.name):
+        if request.name in IMPOSSIBLE:
+            raise UsageError(
+                f"{request.name} cannot be hidden: {IMPOSSIBLE[request.name]}. What can be: {', '.join(files)}."
+            )
+        if request.name not in files:
+            raise UsageError.unknown("effect", request.name, files)
+        if names.count(request.name) > 1:
+            raise UsageError(f"{request.name} is named twice; name each effect once, as EFFECT or EFFECT=SIZE.")
+        yield request.name, files[request.name], _size(request, files[request.name])
 
 
-def _size(wish: InjectionRequest, effect: Hidden) -> float:
+def _size(request: InjectionRequest, effect: Hidden) -> float:
     main = effect.main
-    if wish.size is None:
+    if request.size is None:
         return float(main.typical or 0.0)
-    if not main.low <= wish.size <= main.high:
+    if not main.low <= request.size <= main.high:
         raise ParameterError(
-            f"{wish.name}={wish.size:g} is outside {main.low:g} to {main.high:g} {main.unit} "
+            f"{request.name}={request.size:g} is outside {main.low:g} to {main.high:g} {main.unit} "
             f"({main.name}; {main.typical:g} is typical). Signs and directions are drawn from the seed."
         )
-    return wish.size
+    return request.size

@@ -65,9 +65,9 @@ class Chores:
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
         how, model = self._parts.sensing.seeing.how, self._parts.learning.models.value
-        if wish := await self._parts.aiming.aimed(self._store.state.wish, request, how, model):
+        if config := await self._parts.aiming.aimed(self._store.state.config, request, how, model):
             self._parts.planning.forget()
-            self._store.dispatch(Reconfiguration(wish, "is for another goal"))
+            self._store.dispatch(Reconfiguration(config, "is for another goal"))
 
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up until then, and propose it instead."""
@@ -75,17 +75,17 @@ class Chores:
         seen, shown = parts.sensing.particles.value, state.pending
         if seen is None or shown is None or shown.id != request.proposal_id:
             return
-        changed = await parts.planning.changed(state.wish, request, shown, seen, parts.learning.current)
+        changed = await parts.planning.changed(state.config, request, shown, seen, parts.learning.current)
         if changed is not None and self._store.state.pending is shown:
             state = self._store.dispatch(Interruption("is offered as you changed it"))
             parts.planning.offer_next(changed, state.interruptions)
 
     async def _use(self, request: ModelRequest) -> None:
         """Plan with another model, and with the goal as its cameras observe it."""
-        if used := await self._parts.learning.use(request, self._store.state.wish.goal.positions):
+        if used := await self._parts.learning.use(request, self._store.state.config.goal.positions):
             self._parts.planning.forget()
-            wish = replace(self._store.state.wish, shown_goal=used[1])
-            self._store.dispatch(Reconfiguration(wish, "is of another model"))
+            config = replace(self._store.state.config, shown_goal=used[1])
+            self._store.dispatch(Reconfiguration(config, "is of another model"))
 
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; a motion that is being made belongs to what there is, once it was seen."""
@@ -96,7 +96,7 @@ class Chores:
 
     def _known(self) -> list[Message]:
         """Messages at the beginning of a recording that make it complete by itself."""
-        parts, goal = self._parts, self._store.state.wish.goal
+        parts, goal = self._parts, self._store.state.config.goal
         frames = [channel.value for channel in parts.sensing.frames.values()]
         known = (goal, self._store.mode, parts.learning.models.value, *frames, parts.sensing.particles.value)
         return [message for message in known if message is not None]

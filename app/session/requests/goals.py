@@ -39,7 +39,7 @@ class Aiming:
         self._perceiver, self._cameras = perceiver, cameras
 
     async def aimed(
-        self, wish: EpisodeConfig, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
+        self, config: EpisodeConfig, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
     ) -> EpisodeConfig | None:
         """The configuration with the requested goal, which has been published; None if it is invalid.
 
@@ -47,8 +47,8 @@ class Aiming:
         """
         try:
             name, points = await self._points(request, how)
-            box, count = self._site.limits.workspace, wish.task.preset(wish.preset).particle_count
-            positions = await self._perceiver.run(goal_of, wish.task.name, points, count, box, name)
+            box, count = self._site.limits.workspace, config.task.preset(config.preset).particle_count
+            positions = await self._perceiver.run(goal_of, config.task.name, points, count, box, name)
             goal = Goal(id=fresh_id("goal"), cause=(request.id,), time_s=self._clock.now(), positions=positions)
             errs = model is not None and model.apparatus
             shown = await self._perceiver.run(shown_goal, positions, model) if errs else None
@@ -57,7 +57,7 @@ class Aiming:
             return None
         self._announcer.say(goal)
         self._announcer.notice("goal", f"{name} is set by {request.operator}.", request.id)
-        return replace(wish, goal=goal, shown_goal=shown)
+        return replace(config, goal=goal, shown_goal=shown)
 
     async def _points(self, request: GoalRequest | PictureGoalRequest, how: Reconstruction) -> tuple[str, Cloud]:
         """Name of the request, and its points [m]. Raises DipacError if a picture shows no object."""

@@ -24,8 +24,10 @@ class GoalUpload:
     Answers in words, which the page shows. Files are read in a thread of their own.
     """
 
-    def __init__(self, desk: OperatorController, badges: SessionKeys, refused: Callable[[str], None]) -> None:
-        self._desk, self._badges, self._refused = desk, badges, refused
+    def __init__(
+        self, controller: OperatorController, session_keys: SessionKeys, refused: Callable[[str], None]
+    ) -> None:
+        self._controller, self._session_keys, self._refused = controller, session_keys, refused
         self._one_at_a_time = anyio.Lock()
 
     async def receive(self, request: web.Request) -> web.Response:
@@ -35,7 +37,7 @@ class GoalUpload:
         except (ValueError, web.HTTPRequestEntityTooLarge):
             self._refused("A file was too large, or no form.")
             return web.Response(status=413, text="That is too large, or no form; give files of up to 32 MB in all.")
-        operator = self._badges.owner(str(form.get("key", "")))
+        operator = self._session_keys.owner(str(form.get("key", "")))
         if operator is None:
             self._refused("A file came from a browser that is not known.")
             return web.Response(status=403, text="This page is not known any more; reload it.")
@@ -45,7 +47,7 @@ class GoalUpload:
                 asked = await to_thread.run_sync(self._asked, operator, str(form.get("camera", "")), sent)
         except UsageError as error:
             return web.Response(text=str(error))
-        if not self._desk.ask(asked):
+        if not self._controller.ask(asked):
             return web.Response(text="Not done; the messages say why.")
         return web.Response(text="Sent; the messages say what came of it.")
 
@@ -53,7 +55,7 @@ class GoalUpload:
         """Request for the goal in the files. Raises UsageError where they are invalid."""
         # Two pictures of a camera may have one name, in folders of their own.
         files = {f"{index} {each.filename}": each.file.read() for index, each in enumerate(sent)}
-        named, now_s = fresh_id("goal"), self._desk.now()
+        named, now_s = fresh_id("goal"), self._controller.now()
         if are_points(files):
             points = points_of(files)
             return GoalRequest(id=named, time_s=now_s, operator=operator, source="file", positions=points)

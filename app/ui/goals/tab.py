@@ -37,8 +37,8 @@ class GoalTab:
     Callbacks change the draft, in any thread; only the painter's thread draws. All browsers draw on the same draft.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
-        self._server, self._desk = server, desk
+    def __init__(self, server: viser.ViserServer, controller: OperatorController) -> None:
+        self._server, self._controller = server, controller
         self._changing = threading.Lock()
         self._draft, self._drawn = GoalDraft(), GoalDraft()
         self._object: Points | None = None
@@ -102,7 +102,7 @@ class GoalTab:
             self._server.scene.on_click()(self._clicked)
 
     def _choose(self, kind: Kind) -> None:
-        seen = self._desk.board.particles
+        seen = self._controller.board.particles
         middle = seen.positions[:, :2].mean(0) if seen is not None else np.zeros(2)
         begun = GoalDraft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value))
         self._bend.value = 0.0
@@ -114,7 +114,7 @@ class GoalTab:
     def _redraw(self, changed: Callable[[GoalDraft], GoalDraft]) -> None:
         with self._changing:
             self._draft = changed(self._draft)
-        self._desk.changed.set()
+        self._controller.changed.set()
 
     def _dragged(self, event: viser.TransformControlsEvent) -> None:
         (w, _, _, z), (x_m, y_m, _) = event.target.wxyz, event.target.position
@@ -142,7 +142,7 @@ class GoalTab:
             )
 
     def _use_view(self, event: viser.GuiEvent[Any]) -> None:
-        seen = self._desk.board.particles
+        seen = self._controller.board.particles
         if seen is not None:
             self._ask(event, "view", seen.positions)
 
@@ -154,13 +154,15 @@ class GoalTab:
         draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
         if goal is not None:
-            if self._desk.board.open_to(operator(event)):
+            if self._controller.board.open_to(operator(event)):
                 self._kind.value = _NOTHING
             self._ask(event, _SOURCES[draft.kind], goal)
 
     def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> None:
-        now_s, who = self._desk.now(), operator(event)
-        self._desk.ask(GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions))
+        now_s, who = self._controller.now(), operator(event)
+        self._controller.ask(
+            GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions)
+        )
 
 
 def card(board: ConsoleState, draft: Points | None) -> str:

@@ -1,1 +1,1 @@
-"""Parts that every tab is made of: the board of the latest messages, cards, badges, plots, colours."""
+"""Parts that every tab is made of: the state of the console, cards, session keys, plots, colours."""

@@ -22,13 +22,13 @@ _ARMING_S = 0.5
 class DecisionForm:
     """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
         self._gui = gui
-        self._desk = desk
+        self._controller = controller
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
-        self._resume.on_click(lambda event: desk.resume(operator(event)))
-        self._control = ControlForm(gui, desk)
-        self._place = gui.add_folder(None, visible=not desk.board.replay)
+        self._resume.on_click(lambda event: controller.resume(operator(event)))
+        self._control = ControlForm(gui, controller)
+        self._place = gui.add_folder(None, visible=not controller.board.replay)
         self._shown_s = 0.0
         self._build(None)
 
@@ -70,19 +70,19 @@ class DecisionForm:
             pressed(lambda event: self._decide(proposal, event, approve=False, reason=reason.value))
 
     def _decide(self, proposal: Proposal, event: viser.GuiEvent[Any], *, approve: bool, reason: str) -> None:
-        self._desk.decide(proposal, approve=approve, operator=operator(event), reason=reason)
+        self._controller.decide(proposal, approve=approve, operator=operator(event), reason=reason)
 
 
 @final
 class ControlForm:
     """The operator in control, and the buttons to take and release it. They never move the buttons below them."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._held = gui.add_html(cards.control(desk.board))
-        buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not desk.board.replay)
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._held = gui.add_html(cards.control(controller.board))
+        buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not controller.board.replay)
 
         def pressed(event: viser.GuiEvent[Any]) -> None:
-            act = desk.take if event.target.value == _TAKE else desk.release
+            act = controller.take if event.target.value == _TAKE else controller.release
             act(operator(event))
 
         buttons.on_click(pressed)

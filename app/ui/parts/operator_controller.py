@@ -36,7 +36,7 @@ class OperatorController:
     """The board behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
 
     `stop` stops the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
-    desk of a `replay` nobody commands, and there is nothing to stop.
+    controller of a `replay` nobody commands, and there is nothing to stop.
     """
 
     def __init__(

@@ -33,8 +33,8 @@ class PlacingTab:
     Painted by the painter's thread alone; callbacks send requests to the program, in any thread.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
-        self._desk, self._last = desk, ConsoleState()
+    def __init__(self, server: viser.ViserServer, controller: OperatorController) -> None:
+        self._controller, self._last = controller, ConsoleState()
         gui = server.gui
         self._live = Text(gui, cards.live(self._last))
         self._camera = gui.add_dropdown("Camera", _names(()))
@@ -88,10 +88,10 @@ class PlacingTab:
         placing = self._last.placing
         under_way = placing is not None and placing.under_way
         camera = placing.camera if placing is not None and under_way and act != "begin" else self._camera.value
-        self._desk.ask(
+        self._controller.ask(
             CalibrationRequest(
                 id=fresh_id("calibration"),
-                time_s=self._desk.now(),
+                time_s=self._controller.now(),
                 operator=operator(event),
                 act=act,
                 camera=camera,

@@ -44,15 +44,15 @@ class EditForm:
     Handles belong to one branch of one plan: they are removed with either, and a later press has no effect.
     """
 
-    def __init__(self, server: viser.ViserServer, desk: OperatorController) -> None:
-        self._scene, self._desk = server.scene, desk
+    def __init__(self, server: viser.ViserServer, controller: OperatorController) -> None:
+        self._scene, self._controller = server.scene, controller
         self._way = Way(server, "/edit/way", palette.LOOKED)
         self._drawn: tuple[float, ...] = ()
         self._draft: MotionEdit | None = None
         hint = "Drag the ends of the motion that is looked at over the table"
         self._switch = server.gui.add_checkbox("Edit this motion", initial_value=False, disabled=True, hint=hint)
         self._simulate = server.gui.add_button("Simulate this instead", icon=viser.Icon.PENCIL, disabled=True)
-        self._switch.on_update(lambda _: desk.changed.set())
+        self._switch.on_update(lambda _: controller.changed.set())
         self._simulate.on_click(self._ask)
 
     @property
@@ -93,7 +93,7 @@ class EditForm:
             for name, place in zip(ENDS, way[[0, -1]], strict=True)
         )
         for handle in (start, end):
-            handle.on_update(lambda _: self._desk.changed.set())
+            handle.on_update(lambda _: self._controller.changed.set())
         return MotionEdit(proposal=look.proposal, index=look.at, way=way, handles=(start, end))
 
     def _put_away(self, draft: MotionEdit) -> None:
@@ -116,7 +116,7 @@ class EditForm:
     def _ask(self, event: viser.GuiEvent[Any]) -> None:
         draft = self._draft
         if draft is not None:
-            self._desk.edit(draft.proposal, draft.index, *draft.ends, operator(event))
+            self._controller.edit(draft.proposal, draft.index, *draft.ends, operator(event))
 
 
 def _is_push(look: PreviewState) -> bool:

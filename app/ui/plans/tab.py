@@ -20,7 +20,7 @@ from app.ui.view.tool import Flat
 class Plans:
     """Widgets in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene) -> None:
+    def __init__(self, server: viser.ViserServer, controller: OperatorController, scene: ConsoleScene) -> None:
         gui = server.gui
         self._scene = scene
         self._ghosts = Ghosts(server)
@@ -31,10 +31,10 @@ class Plans:
         hint = "From now to the end of the motions that were thought through"
         self._moment = gui.add_slider("Moment", 0, 1, 1, 0, hint=hint, disabled=True)
         self._there = gui.add_html("")
-        self._edit = EditForm(server, desk)
+        self._edit = EditForm(server, controller)
         self._table = gui.add_html(cards.NO_PLAN)
         for widget in (self._at, self._beside, self._moment):
-            widget.on_update(lambda _: desk.changed.set())
+            widget.on_update(lambda _: controller.changed.set())
 
     def paint(self, board: ConsoleState) -> None:
         """Update the tab to the board and the widgets."""

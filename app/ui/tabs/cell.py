@@ -31,16 +31,16 @@ _QUALITY: Final = 80
 class CellTab:
     """Drawn into the container that is open when this is made."""
 
-    def __init__(self, server: viser.ViserServer, desk: OperatorController, scene: ConsoleScene) -> None:
+    def __init__(self, server: viser.ViserServer, controller: OperatorController, scene: ConsoleScene) -> None:
         gui = server.gui
         self._gui, self._scene, self._clouds = gui, scene, Clouds(server)
         self._views: dict[str, CameraPicture] = {}
-        self._summary = Text(gui, views.summary(desk.board))
+        self._summary = Text(gui, views.summary(controller.board))
         self._masked = gui.add_checkbox("Mask", initial_value=True, hint="Tint what is taken for the object")
         self._place = gui.add_folder(None)
         self._larger = gui.add_dropdown("Larger", _or_none(()))
         self._large = Large(gui)
-        self._tuning = Tuning(gui, desk)
+        self._tuning = Tuning(gui, controller)
         with gui.add_folder("Clouds"):
             cameras = gui.add_dropdown("Of the cameras", SHOWN)
             surface = gui.add_checkbox("Fused surface", initial_value=False)
@@ -48,7 +48,7 @@ class CellTab:
         cameras.on_update(lambda event: self._show(event.target.value))
         surface.on_update(lambda event: setattr(self._clouds, "surface", event.target.value))
         with gui.add_folder("Messages"):
-            self._log = Text(gui, cards.log(desk.board, 0.0))
+            self._log = Text(gui, cards.log(controller.board, 0.0))
 
     def paint(self, board: ConsoleState, now_s: float) -> None:
         """Bring the tab up to the board and the clock."""

@@ -36,8 +36,8 @@ def _line(item: CheckItem) -> str:
 class ChecklistForm:
     """Folder shown while the checklist is open. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._desk = desk
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._controller = controller
         self._place = gui.add_folder("Before the first motion", visible=False)
         self._buttons = dict[str, viser.GuiButtonHandle]()
         with self._place:
@@ -60,5 +60,7 @@ class ChecklistForm:
                 button.visible = key in wanted
 
     def _confirm(self, event: viser.GuiEvent[Any], key: str) -> None:
-        now_s = self._desk.now()
-        self._desk.ask(ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator=operator(event), key=key))
+        now_s = self._controller.now()
+        self._controller.ask(
+            ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator=operator(event), key=key)
+        )

@@ -35,9 +35,9 @@ def card(board: ConsoleState) -> str:
 class DemonstrationForm:
     """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._desk = desk
-        self._said = gui.add_html(card(desk.board))
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._controller = controller
+        self._said = gui.add_html(card(controller.board))
         self._start = gui.add_button("Start a demonstration", color="red", icon=viser.Icon.PLAYER_RECORD)
         self._start.on_click(lambda event: self._ask(event, "start"))
         self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
@@ -59,9 +59,11 @@ class DemonstrationForm:
             self._ask(event, _ACTS[event.target.value])
 
     def _ask(self, event: viser.GuiEvent[Any], act: TakeAct) -> None:
-        now_s = self._desk.now()
-        self._desk.ask(TakeRequest(id=fresh_id("take"), time_s=now_s, operator=operator(event), act=act))
+        now_s = self._controller.now()
+        self._controller.ask(TakeRequest(id=fresh_id("take"), time_s=now_s, operator=operator(event), act=act))
 
     def _keep(self, event: viser.GuiEvent[Any]) -> None:
-        now_s = self._desk.now()
-        self._desk.ask(ClipRequest(id=fresh_id("clip"), time_s=now_s, operator=operator(event), duration_s=_CLIP_S))
+        now_s = self._controller.now()
+        self._controller.ask(
+            ClipRequest(id=fresh_id("clip"), time_s=now_s, operator=operator(event), duration_s=_CLIP_S)
+        )

@@ -32,14 +32,14 @@ _FILE: Final = "discovery/model.toml"
 class ModelTab:
     """Drawn into the container that is open when this is made. `folder`: root of the model files that may be named."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController, folder: Path) -> None:
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController, folder: Path) -> None:
         self._gui, self._last = gui, ConsoleState()
         self._summary = Text(gui, models.summary(self._last))
         with gui.add_folder("Parameters"):
             self._parameters = Text(gui, "")
         with gui.add_folder("The last motion, predicted and seen"):
             self._motion = Text(gui, models.last_motion(self._last))
-        self._versions = Versions(gui, desk, folder)
+        self._versions = Versions(gui, controller, folder)
         self._course = Course(gui)
 
     def paint(self, board: ConsoleState) -> None:
@@ -58,8 +58,8 @@ class ModelTab:
 class Versions:
     """The models of this session to compare and go back to, and files to load others from."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController, folder: Path) -> None:
-        self._desk, self._folder = desk, folder
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController, folder: Path) -> None:
+        self._controller, self._folder = controller, folder
         self._shown: tuple[Model, ...] = ()
         with gui.add_folder("Versions"):
             self._chosen = gui.add_dropdown("Version", _or_none(()))
@@ -98,20 +98,20 @@ class Versions:
     def _go_back(self, event: viser.GuiEvent[Any]) -> None:
         model = self._model(self._chosen.value)
         if model is not None:
-            self._desk.use_model(model, f"version {model.version}", operator=operator(event))
+            self._controller.use_model(model, f"version {model.version}", operator=operator(event))
 
     def _loaded(self, event: viser.GuiEvent[Any]) -> None:
         """Read the file in this thread of viser's, which blocks nothing else."""
-        episode, named = self._desk.board.episode, self._file.value
+        episode, named = self._controller.board.episode, self._file.value
         if episode is None:
             self._answer.put(_answer("The program has not begun yet; try again in a moment.", "dp-warn"))
             return
         try:
-            model = read_model(named, self._folder, task=episode.task, time_s=self._desk.now())
+            model = read_model(named, self._folder, task=episode.task, time_s=self._controller.now())
         except DipacError as error:
             self._answer.put(_answer(str(error), "dp-bad"))
             return
-        self._desk.use_model(model, named, operator=operator(event))
+        self._controller.use_model(model, named, operator=operator(event))
         self._answer.put(_answer(f"{named} was read; the messages say whether it is used.", ""))
 
 

@@ -20,8 +20,8 @@ _FIRST, _MOST = 3, 100
 class ModeForm:
     """The buttons in the container that is open when this is made."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._desk = desk
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._controller = controller
         buttons = gui.add_button_group("Mode", tuple(_PRESSED))
 
         def pressed(event: viser.GuiEvent[Any]) -> None:
@@ -57,8 +57,8 @@ class ModeForm:
 
     def _make_sure(self, who: str, motions: int) -> None:
         """Ask the operator in control for confirmation, with the number that counts: all browsers share the field."""
-        if self._desk.board.holder != who:
-            self._desk.tell(f"{who} has no control; take it first.")
+        if self._controller.board.holder != who:
+            self._controller.tell(f"{who} has no control; take it first.")
             return
         self._asked = who, motions
         self._sure.label = f"Yes: {words.motions(motions)} on the REAL arm, without approval"
@@ -73,14 +73,14 @@ class ModeForm:
     @property
     def _real(self) -> bool:
         """True where something real moves."""
-        episode = self._desk.board.episode
+        episode = self._controller.board.episode
         return episode is None or not episode.simulated
 
     def _ask(self, event: viser.GuiEvent[Any], mode: ModeName, motions: int = 0, *, confirmed: bool = False) -> None:
-        self._desk.ask(
+        self._controller.ask(
             ModeRequest(
                 id=fresh_id("mode"),
-                time_s=self._desk.now(),
+                time_s=self._controller.now(),
                 operator=operator(event),
                 mode=mode,
                 motions=motions,
@@ -98,12 +98,12 @@ def _automatically(motions: int) -> str:
 class EndButton:
     """Button that ends the session, after confirmation."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
         sure = gui.add_checkbox("End the session", initial_value=False, hint="Closes the recording and the program")
         end = gui.add_button("End it now", color="red", icon=viser.Icon.POWER, visible=False)
 
         def ask(event: viser.GuiEvent[Any]) -> None:
-            desk.ask(EndRequest(id=fresh_id("end"), time_s=desk.now(), operator=operator(event)))
+            controller.ask(EndRequest(id=fresh_id("end"), time_s=controller.now(), operator=operator(event)))
 
         def reveal(event: viser.GuiEvent[Any]) -> None:
             end.visible = bool(event.target.value)

@@ -19,8 +19,8 @@ END: Final = "Plan for the goal again"
 class ProbeForm:
     """The buttons in the container that is open when this is made. Each push is shown and decided on like any other."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._desk = desk
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._controller = controller
         pushes = gui.add_number("Pushes at most", _FIRST, min=1, max=_MOST, step=1)
         begin = gui.add_button(BEGIN, color="gray", icon=viser.Icon.MICROSCOPE)
         begin.on_click(lambda event: self._ask(event, int(pushes.value)))
@@ -28,5 +28,5 @@ class ProbeForm:
         end.on_click(lambda event: self._ask(event, 0))
 
     def _ask(self, event: viser.GuiEvent[Any], pushes: int) -> None:
-        now_s = self._desk.now()
-        self._desk.ask(ProbeRequest(id=fresh_id("probe"), time_s=now_s, operator=operator(event), pushes=pushes))
+        now_s = self._controller.now()
+        self._controller.ask(ProbeRequest(id=fresh_id("probe"), time_s=now_s, operator=operator(event), pushes=pushes))

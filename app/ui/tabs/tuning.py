@@ -22,8 +22,8 @@ _NEUTRAL: Final = (128, 128, 128)
 class Tuning:
     """A form in the container that is open when this is made. Until it is submitted nothing but the preview changes."""
 
-    def __init__(self, gui: viser.GuiApi, desk: OperatorController) -> None:
-        self._desk, self._board = desk, ConsoleState()
+    def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
+        self._controller, self._board = controller, ConsoleState()
         self._form = gui.add_form("Colours of the object", expand_by_default=False)
         with self._form:
             self._near = gui.add_rgb(
@@ -78,12 +78,12 @@ class Tuning:
     def _submitted(self, event: viser.GuiEvent[Any]) -> None:
         wanted = self.wanted
         if wanted is not None:
-            self._desk.use_colours(wanted, operator=operator(event))
+            self._controller.use_colours(wanted, operator=operator(event))
 
     def _undone(self, event: viser.GuiEvent[Any]) -> None:
         former = self._board.colours[-2:-1]
         if former:
-            self._desk.use_colours(former[0], operator=operator(event))
+            self._controller.use_colours(former[0], operator=operator(event))
 
 
 def _around(rgb: Sequence[int]) -> ColourRange:

@@ -24,8 +24,8 @@ _log = logging.getLogger(__name__)
 class RenderLoop:
     """Calls `paint(board, now_s)` from a thread of its own between `start` and `close`."""
 
-    def __init__(self, desk: OperatorController, paint: Callable[[ConsoleState, float], None]) -> None:
-        self._desk = desk
+    def __init__(self, controller: OperatorController, paint: Callable[[ConsoleState, float], None]) -> None:
+        self._controller = controller
         self._paint = paint
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="console painter", daemon=True)
@@ -38,20 +38,20 @@ class RenderLoop:
     def close(self) -> None:
         """Finish the frame and end."""
         self._ended.set()
-        self._desk.changed.set()
+        self._controller.changed.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def _run(self) -> None:
         while not self._ended.is_set():
-            self._desk.changed.clear()
+            self._controller.changed.clear()
             try:
-                self._paint(self._desk.board, self._desk.now())
+                self._paint(self._controller.board, self._controller.now())
             except Exception as error:
                 self._report(error)
-            moving = self._desk.board.pending is not None
+            moving = self._controller.board.pending is not None
             self._ended.wait(_PERIOD_S)
-            self._desk.changed.wait(0.0 if moving else _IDLE_S)
+            self._controller.changed.wait(0.0 if moving else _IDLE_S)
 
     def _report(self, error: Exception) -> None:
         """Report an error of painting once: it must not stop the painter, nor go unseen."""
@@ -59,4 +59,6 @@ class RenderLoop:
         if text != self._failed:
             self._failed = text
             _log.exception("The console could not paint a message.")
-            self._desk.show(Fault(id=fresh_id("fault"), time_s=self._desk.now(), where="console", text=text))
+            self._controller.show(
+                Fault(id=fresh_id("fault"), time_s=self._controller.now(), where="console", text=text)
+            )

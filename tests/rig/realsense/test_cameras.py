@@ -71,7 +71,7 @@ async def rendered(body: CameraDescription, timing: Timing = TIMING) -> AsyncIte
     thread.start()
     mounted = Mounted(name="left", source=Rendered(body=body, feed=renderer.feed), settings=SETTINGS)
     try:
-        async with realsense_cameras([mounted], timing, patience=PATIENCE) as (camera,):
+        async with realsense_cameras([mounted], timing, timeouts=PATIENCE) as (camera,):
             yield camera, renderer
     finally:
         over.set()
@@ -217,7 +217,7 @@ async def test_two_recordings_play_as_two_cameras_and_the_end_of_one_is_said(tmp
         Mounted(name="right", source=RecordedSource(file=files[1]), settings=SETTINGS),
     ]
     hasty = replace(TIMING, camera_timeout_s=1.5)
-    async with realsense_cameras(mounted, hasty, patience=PATIENCE) as (left, right):
+    async with realsense_cameras(mounted, hasty, timeouts=PATIENCE) as (left, right):
         with pytest.raises(DeviceError, match="at its end: the recording has been played"):
             await read_on(right)
         times = [(await left.read()).time_s for _ in range(8)]
@@ -230,7 +230,7 @@ async def test_another_camera_in_the_place_of_one_is_not_taken_for_it(tmp_path: 
     for path, body in ((file, together()), (other, replace(together(), color=imager(140.0)))):
         await to_thread.run_sync(record, path, body, Scene(body=body).views(15, start_s=start_s))
     mounted = Mounted(name="other", source=RecordedSource(file=file, repeat=True), settings=SETTINGS)
-    async with realsense_cameras([mounted], TIMING, patience=PATIENCE) as (camera,):
+    async with realsense_cameras([mounted], TIMING, timeouts=PATIENCE) as (camera,):
         await camera.read()
         other.replace(file)
         os.kill(pid("other"), signal.SIGKILL)
@@ -241,7 +241,7 @@ async def test_another_camera_in_the_place_of_one_is_not_taken_for_it(tmp_path: 
 async def test_a_camera_that_is_not_there_is_named_with_those_that_are() -> None:
     mounted = [Mounted(name="left", source=Live(serial="000000"), settings=SETTINGS)]
     with pytest.raises(DeviceError, match=r"Of camera 'left': no image for .* '000000': there "):
-        async with realsense_cameras(mounted, TIMING, patience=PATIENCE):
+        async with realsense_cameras(mounted, TIMING, timeouts=PATIENCE):
             pass
 
 

@@ -65,7 +65,7 @@ class FakeArm:
         self.told: list[Notification] = []
         self.mover = 0
         self._now_s = self._next_s = 0.0
-        self._inbox: list[Callable[[], None]] = []
+        self._goal_upload: list[Callable[[], None]] = []
         self._due: tuple[float, Action, Callable[[], JointMotion | None]] | None = None
         self._action: ActionHandle | None = None
         self._motion: JointMotion | None = None
@@ -87,7 +87,7 @@ class FakeArm:
     @property
     def moving(self) -> bool:
         """True while any joint moves or is about to."""
-        return self._motion is not None or self._due is not None or bool(self._inbox)
+        return self._motion is not None or self._due is not None or bool(self._goal_upload)
 
     def execute(self, action: Action, session: int) -> None:
         """Begin an action after its planning time; events report its progress. Raises Denied."""
@@ -96,12 +96,12 @@ class FakeArm:
         self._actions += 1
         handle = ActionHandle(identifier=self._actions, action_type=action.handle.action_type if action.handle else 0)
         named = Action(handle=handle, name=action.name)
-        self._inbox.append(lambda: self._think(named, begin))
+        self._goal_upload.append(lambda: self._think(named, begin))
 
     def twist(self, command: TwistCommand, session: int) -> None:
         """Move at a constant velocity without end. Raises Denied."""
         self._check(session)
-        self._inbox.append(lambda: self._twist(command))
+        self._goal_upload.append(lambda: self._twist(command))
 
     def close_fingers(self, command: GripperCommand, session: int) -> None:
         """Execute a gripper command. Raises Denied."""
@@ -112,7 +112,7 @@ class FakeArm:
 
     def stop(self) -> None:
         """Bring any motion to rest, whichever session commanded it."""
-        self._inbox.append(self._stop)
+        self._goal_upload.append(self._stop)
 
     def pause(self) -> None:
         """Hold an action until it is resumed."""
@@ -137,7 +137,7 @@ class FakeArm:
         (ros_kortex #144).
         """
         self.adversity = dataclasses.replace(self.adversity, foreign=True)
-        self._inbox.append(lambda: self._obey_another(TwistValues(linear_z=speed_m_s)))
+        self._goal_upload.append(lambda: self._obey_another(TwistValues(linear_z=speed_m_s)))
 
     def fail(self, *, base: int = 0, joint: int = 0, bits: int = 0, lasting: bool = False) -> None:
         """Set bits of the base's bank, or of a joint's from 1; `lasting` ones cannot be cleared yet."""
@@ -148,7 +148,7 @@ class FakeArm:
         estop = self.base_faults & EMERGENCY_STOP_BIT
         self._drop(ROBOT_IN_EMERGENCY_STOP if estop else ROBOT_IN_FAULT)
         # Pending actions are dropped too, each by itself.
-        waiting, self._inbox = self._inbox, []
+        waiting, self._goal_upload = self._goal_upload, []
         for command in waiting:
             command()
         self.fingers.stop()
@@ -165,8 +165,8 @@ class FakeArm:
         self._now_s = now_s
         if now_s >= self._next_s:
             self._next_s = max(self._next_s + CYCLE_S, now_s)
-            inbox, self._inbox = self._inbox, []
-            for command in inbox:
+            goal_upload, self._goal_upload = self._goal_upload, []
+            for command in goal_upload:
                 command()
         if self._due is not None and now_s >= self._due[0]:
             self._start()
