@@ -93,11 +93,11 @@ class PathFollower:
         elif self._braking_m_s2 > 0:
             self._speed = max(0.0, self._speed - self._braking_m_s2 * duration_s)
         else:
-            self._speed = min(self._speed + self._acceleration * duration_s, self._allowed(duration_s))
+            self._speed = min(self._speed + self._acceleration * duration_s, self._speed_limit(duration_s))
         self._distance = min(self._distance + self._speed * duration_s, self._length)
         return whole(np.array([np.interp(self._distance, self._at, column) for column in self._points.T]))
 
-    def _allowed(self, duration_s: float) -> float:
+    def _speed_limit(self, duration_s: float) -> float:
         """Highest speed from which the next node's speed can still be met, one tick's travel included."""
         segment = min(int(np.searchsorted(self._at, self._distance, side="right")) - 1, len(self._speeds) - 1)
         room, half = self._at[segment + 1] - self._distance, self._acceleration * duration_s / 2

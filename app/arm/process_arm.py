@@ -95,8 +95,8 @@ class ProcessArm:
         self._busy = True
         try:
             with paused_collection():  # A collection over the whole application would hold the event loop.
-                log = await self._followed(approved.motion, approved.digest)
-            return _executed(log, approved.id, approved.id)
+                log = await self._run_motion(approved.motion, approved.digest)
+            return _execution(log, approved.id, approved.id)
         except MotionRefused:
             raise
         except BaseException:
@@ -131,7 +131,7 @@ class ProcessArm:
             self._busy, self._memory.accepts_jog.value = False, 0
         if not len(log):
             return None
-        executed = _executed(log, fresh_id("jogged"))
+        executed = _execution(log, fresh_id("jogged"))
         return dataclasses.replace(executed, reason=executed.reason or reason)
 
     def stop(self) -> None:
@@ -151,13 +151,13 @@ class ProcessArm:
         """
         self._check_alive()
         try:
-            await self._lifted(round(asked_s * 1e9))
+            await self._lift_stop(round(asked_s * 1e9))
         except BaseException:
             # A part of it still under way must lift nothing later.
             self.stop()
             raise
 
-    async def _lifted(self, request_ns: int) -> None:
+    async def _lift_stop(self, request_ns: int) -> None:
         memory, begun_s = self._memory, self._clock.now()
         memory.reset_ns.value = max(memory.reset_ns.value, request_ns)
         while True:
@@ -204,7 +204,7 @@ class ProcessArm:
         memory, timing, reason = self._memory, self._site.timing, ""
         seen = memory.states.count
         log = memory.states.since(seen)[:0]
-        while (end := _rested(log, timing.jog_rest_s)) is None:
+        while (end := _motion_end(log, timing.jog_rest_s)) is None:
             memory.keepalives.value += 1
             await self._clock.sleep(timing.keepalive_s)
             self._check_alive()
@@ -226,7 +226,7 @@ class ProcessArm:
                 reason = f"Moved by hand for {timing.jog_longest_s:.0f} s without a rest, which is as long as may be."
         return log[:end], reason
 
-    async def _followed(self, motion: Motion, digest: str) -> Any:
+    async def _run_motion(self, motion: Motion, digest: str) -> Any:
         """Post the motion, keep the watchdog fed until the arm is at rest again, and return its states meanwhile."""
         memory, seen = self._memory, self._memory.states.count
         memory.motions.append(digest=digest.encode(), **encode_motion(motion))
@@ -265,7 +265,7 @@ def _moves(log: Any) -> Any:
     return np.isin(log["mode"], [MODES.index("moving"), MODES.index("stopping")])
 
 
-def _rested(log: Any, rest_s: float) -> int | None:
+def _motion_end(log: Any, rest_s: float) -> int | None:
     """Number of states up to the first of the final rest, where that has lasted; else None."""
     if not len(log) or _moves(log)[-1]:
         return None
@@ -274,7 +274,7 @@ def _rested(log: Any, rest_s: float) -> int | None:
     return rest + 1 if lasted or MODES[log["mode"][-1]] != "idle" else None
 
 
-def _executed(log: Any, approved_id: MessageId, *cause: MessageId) -> Executed:
+def _execution(log: Any, approved_id: MessageId, *cause: MessageId) -> Executed:
     """Execution recorded in the arm's `log` of states."""
     outcomes: dict[str, Literal["completed", "stopped"]] = {"idle": "completed", "stopped": "stopped"}
     last = log[-1]

@@ -145,7 +145,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
     trust = here.loss_m2 / np.log(settings.trust_factor) ** 2
     here, trials = _descend(slopes, here, trust, specs, settings)
     if settings.probes and len(here.r) > len(here.u):
-        quadratics = fit_quadratics(*_probed(slopes, here, specs, settings.probes))
+        quadratics = fit_quadratics(*_probe_losses(slopes, here, specs, settings.probes))
         weights = np.minimum(1, _OUTLYING * np.median(here.r) / here.r)
         deviation = quadratics.deviation(weights) * _reach(specs)
     else:
@@ -186,7 +186,7 @@ def _descend(
     return here, trials
 
 
-def _probed(
+def _probe_losses(
     slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec], count: int
 ) -> tuple[Float64[np.ndarray, "M Q"], Float64[np.ndarray, "M K"], Float64[np.ndarray, "M K Q"]]:
     """Points about the estimate in units of `_reach`, and losses and their gradients [m^2] there.

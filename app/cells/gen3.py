@@ -34,16 +34,16 @@ USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
 _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras are; docs/real-cell.md has one to copy."
 
 
-def _narrowed(site: Site, file: Path | None) -> Site:
+def _narrow_site(site: Site, file: Path | None) -> Site:
     """The site with the limits and the table of the file."""
     cell, _ = _read(file)
     return narrowed_by(cell, site)
 
 
 @asynccontextmanager
-async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
-    """The opened cell. Raises DeviceError where arm or cameras are missing; cameras may be uncalibrated."""
-    cell, mounted = await to_thread.run_sync(_found, wanted.file)
+async def _open_cell(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
+    """Open the cell. Raises DeviceError where arm or cameras are missing; cameras may be uncalibrated."""
+    cell, mounted = await to_thread.run_sync(_cell_and_cameras, wanted.file)
     if far := far_corner(cell):
         sys.stderr.write(f"dipac: {far}\n")
     async with (
@@ -55,12 +55,12 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
         yield OpenedRig(name=cell.name, simulated=False, shape=shape, seen_arm=arm, cameras=cameras, arm=arm)
 
 
-def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
+def _cell_and_cameras(file: Path | None) -> tuple[CellFile, list[Mounted]]:
     """The file's content, and its cameras, with their poses as far as they are calibrated."""
     cell, there = _read(file)
     calibration = calibration_of(cell, there)
     places = {serial: table(cell).camera_in_table(found) for serial, found in known_cameras(calibration).items()}
-    return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
+    return cell, [_camera_mount(camera, places, calibration) for camera in cell.cameras]
 
 
 def calibration_of(cell: CellFile, file: Path) -> Path:
@@ -92,7 +92,7 @@ def holds(tool: ToolEntry) -> Holds:
     return Holds(tip_m=tool.tip_m, turn_deg=tool.turn_deg, mass_kg=tool.mass_kg)
 
 
-def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
+def _camera_mount(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
     """The camera with its calibrated pose; at the arm's base, undated, where it has none yet."""
     if camera.serial not in places:
         sys.stderr.write(
@@ -104,9 +104,11 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=StreamSettings())
 
 
-def _pictured(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
+def _arm_shape(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
     tip = table.base_from_table[:3, :3] @ state.pose[:3] + table.place_m
     return replace(known_gen3(tool, tip_m(state.joints, tip)), T_world_base=table.table_from_base)
 
 
-CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, shelf=_shelf, pictured=_pictured)
+CELL: Final = Cell(
+    name="gen3", simulated=False, open=_open_cell, narrowed=_narrow_site, shelf=_shelf, pictured=_arm_shape
+)

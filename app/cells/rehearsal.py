@@ -84,8 +84,8 @@ class Rehearsal:
 
 
 @asynccontextmanager
-async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
-    """The opened cell. Raises DeviceError on entry where a process does not start."""
+async def _open_cell(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
+    """Open the cell. Raises DeviceError on entry where a process does not start."""
     models = table_cameras()
     bodies = {model.name: CameraDescription.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
@@ -94,7 +94,9 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         fake = await to_thread.run_sync(FakeProcess)
         await to_thread.run_sync(fake.__enter__)
         opened.push_async_callback(to_thread.run_sync, partial(fake.__exit__, None, None, None))
-        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]), joints_of=_drawn)
+        take = partial(
+            taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]), joints_of=_drawn_joints
+        )
         world = await opened.enter_async_context(
             simulated_rig(
                 stage=wanted.stage,
@@ -122,15 +124,15 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         yield Rehearsal(world, cameras, fake)
 
 
-def _reached(site: Site, file: Path | None) -> Site:
+def _narrow_site(site: Site, file: Path | None) -> Site:
     """The site within a Gen3's reach: the commanded arm is one, whatever is drawn. A real cell's file may be given."""
     own = site if file is None else narrowed_by(load_cell(file), site)
     return replace(own, limits=replace(own.limits, reach=reach_over(own.table, GRIPPER_M)))
 
 
-def _drawn(seen: ArmFeedback) -> Joints:
+def _drawn_joints(seen: ArmFeedback) -> Joints:
     """Joint angles of the drawn arm with its tool at this one's: a Gen3's links are shorter."""
     return solve_joints(seen.tool)
 
 
-CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=_reached, pictured=drawn)
+CELL: Final = Cell(name="rehearsal", simulated=True, open=_open_cell, narrowed=_narrow_site, pictured=drawn)

@@ -32,20 +32,20 @@ _NEEDED: Final = (
 )
 
 
-def _narrowed(site: Site, file: Path | None) -> Site:
+def _narrow_site(site: Site, file: Path | None) -> Site:
     """The site as it is. Raises UsageError where the file is not a replayable recording."""
     _film(file)
     return site
 
 
 @asynccontextmanager
-async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
+async def _open_cell(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
     """Open the cell. Raises UsageError where the file cannot be replayed, DeviceError where the arm does not start."""
     if wanted.board:
         raise UsageError("--board puts one into the simulated gripper, and no recorded image shows that; leave it out.")
     film = await to_thread.run_sync(_film, wanted.file)
     states = await to_thread.run_sync(film_states, film)
-    shape = await to_thread.run_sync(_pictured, film, wanted.stage.tool, states)
+    shape = await to_thread.run_sync(_arm_shape, film, wanted.stage.tool, states)
     async with (
         simulated_arm(wanted.stage, wanted.start, wanted.site) as arm,
         replayed_cameras(film, wanted.site.timing) as screen,
@@ -54,7 +54,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
         yield OpenedRig(name="replayed", simulated=True, shape=shape, seen_arm=seen, cameras=screen.cameras, arm=arm)
 
 
-def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | None:
+def _arm_shape(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | None:
     """Geometry of the arm in the images; None where that or its configuration is unknown.
 
     A recording of a replay shows an arm other than that of its states, so the replayed cell gives no geometry.
@@ -102,4 +102,4 @@ def _film(file: Path | None) -> Film:
     return film
 
 
-CELL: Final = Cell(name="replayed", simulated=True, answers=False, open=_opened, narrowed=_narrowed)
+CELL: Final = Cell(name="replayed", simulated=True, answers=False, open=_open_cell, narrowed=_narrow_site)

@@ -14,7 +14,7 @@ from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.rig import simulated_rig
 
 
-def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
+def _open_cell(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
     held = HeldBoard() if wanted.board else None
     return simulated_rig(stage=wanted.stage, start=wanted.start, site=wanted.site, seed=wanted.seed, held=held)
 
@@ -25,4 +25,4 @@ def drawn(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
     return known_arm(tool)
 
 
-CELL: Final = Cell(name="simulated", simulated=True, open=_opened, narrowed=as_it_is, pictured=drawn)
+CELL: Final = Cell(name="simulated", simulated=True, open=_open_cell, narrowed=as_it_is, pictured=drawn)

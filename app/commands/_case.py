@@ -54,15 +54,17 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
         source=str(path),
         kind=file.verdict,
         sentences=file.sentences,
-        causes=tuple(map(_blamed, file.causes)),
-        ranking=tuple(sorted(map(_blamed, file.ranking), key=lambda it: -it.probability)),
+        causes=tuple(map(_blamed_cause, file.causes)),
+        ranking=tuple(sorted(map(_blamed_cause, file.ranking), key=lambda it: -it.probability)),
         next_push=file.next_push.text if file.next_push else "",
-        promised_share=_promised(file.heldout) if own_model else _UNKNOWN,
+        promised_share=_heldout_error_share(file.heldout) if own_model else _UNKNOWN,
     )
-    return DiscoveryResults(verdict=verdict, asked=(_asked(file.next_push, task, site),) if file.next_push else ())
+    return DiscoveryResults(
+        verdict=verdict, asked=(_push_motion(file.next_push, task, site),) if file.next_push else ()
+    )
 
 
-def _blamed(cause: "CauseEntry") -> Blamed:
+def _blamed_cause(cause: "CauseEntry") -> Blamed:
     from app.report.drawing.words import measurement, title
 
     size, low, high = (_UNKNOWN if it is None else it for it in (cause.size, cause.low, cause.high))
@@ -75,14 +77,14 @@ def _blamed(cause: "CauseEntry") -> Blamed:
     )
 
 
-def _promised(heldout: "HeldoutEntry") -> float:
+def _heldout_error_share(heldout: "HeldoutEntry") -> float:
     """The model's error on episodes left out, as a share of the object's motion; NaN if unknown."""
     if not heldout.extended or not heldout.still:
         return _UNKNOWN
     return heldout.extended / heldout.still
 
 
-def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
+def _push_motion(push: "NextPushEntry", task: str, site: Site) -> Motion:
     import numpy as np
 
     from app.core.geometry.track import Track

@@ -181,7 +181,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
             method = await to_thread.run_sync(guided, method, options.policy, order.task)
-            config = await _doubted(
+            config = await _with_corrections(
                 await to_thread.run_sync(_config, task, order, preset, method), order, site, planner
             )
         start = await to_thread.run_sync(_start, order, preset)
@@ -213,7 +213,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
     )
 
 
-async def _doubted(config: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
+async def _with_corrections(config: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
     """The configuration with the model's and the case's corrections. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None

@@ -144,7 +144,7 @@ class Scribe:
 
     def before(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Message]]:
         """The object before push `number`, and all messages of then."""
-        before, images = self._seen(look, _LOOKS * number)
+        before, images = self._observe(look, _LOOKS * number)
         first = number % self._pushes == 0
         with self._watch.on("particles"):
             table = table_points(images, self._how) if first else _nothing()
@@ -153,12 +153,12 @@ class Scribe:
 
     def after(self, before: Particles, take: PushSample, number: int) -> list[Message]:
         """Messages observed and measured of push `number` once it is made."""
-        during, views = self._seen(take.during, _LOOKS * number + 1)
-        after, _ = self._seen(take.after, _LOOKS * number + 2)
+        during, views = self._observe(take.during, _LOOKS * number + 1)
+        after, _ = self._observe(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):
             tip = take.measured.at(np.array([take.during.stamp_s]))[0]
             tool = tool_points(views, tip, self._how, radius_m=self._finger.radius_m)
-        executed = _executed(take, number, before)
+        executed = _execution(take, number, before)
         return [
             during,
             _sighting(during, tool=tool, table=_nothing()),
@@ -167,7 +167,7 @@ class Scribe:
             Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
-    def _seen(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
+    def _observe(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
         with self._watch.on("images"):
             frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
         with self._watch.on("particles"):
@@ -189,7 +189,7 @@ def _sighting(particles: Particles, *, tool: Some, table: Some) -> Sighting:
     return Sighting(id=identity, cause=particles.cause, time_s=particles.time_s, tool=tool, table=table)
 
 
-def _executed(take: PushSample, number: int, before: Particles) -> Executed:
+def _execution(take: PushSample, number: int, before: Particles) -> Executed:
     return Executed(
         id=MessageId(f"executed-{number:06d}"),
         cause=(before.id,),

@@ -51,7 +51,7 @@ def imported_messages(
                         table=table,
                         cause=particles.cause,
                     )
-            yield from _made(episode, seen)
+            yield from _motion_messages(episode, seen)
 
 
 def _particles(sight: PlainObservation, count: int) -> Particles:
@@ -64,7 +64,7 @@ def _particles(sight: PlainObservation, count: int) -> Particles:
     )
 
 
-def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]:
+def _motion_messages(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]:
     """The motion between the first and the last observation, and its outcome."""
     before, after = seen[0], seen[-1]
     command = episode.command.between(before.time_s, after.time_s)

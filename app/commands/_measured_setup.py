@@ -54,7 +54,7 @@ def measured_setup(plain: Plain, task: Task) -> tuple[Plain, Task, MeasuredSetup
     plain, table, notes = _on_table(plain)
     found = _Found(plain=plain, task=task)
     sizes, tool = (*found.rope(), *found.tool()), found.tool_points
-    resized = load(str(TaskName.of(TaskName.parse(task.name).problem, _changed(task, sizes))))
+    resized = load(str(TaskName.of(TaskName.parse(task.name).problem, _changed_sizes(task, sizes))))
     near, pushes = _near(plain, resized), sum(len(episode.pushes) for episode in plain.episodes)
     if near < pushes:
         notes.append(
@@ -163,7 +163,7 @@ class _Found:
 
     def rope(self) -> tuple[SourcedSize, ...]:
         """Length, radius and mass."""
-        length, radius, mass = (self._said("object", name, name) for name in ("length_m", "radius_m", "mass_kg"))
+        length, radius, mass = (self._given_size("object", name, name) for name in ("length_m", "radius_m", "mass_kg"))
         still = [sight.cloud for _, push in _pushes(self.plain) for sight in push if sight.phase != "during"]
         seen = rope_size(still, None if radius is None else radius.value)
         if radius is None:
@@ -236,16 +236,16 @@ class _Found:
         return _size("finger_yaw_rad", float(_half_turn(np.array([usual + quarter]))[0]), "about")
 
     def _said_tool(self) -> tuple[SourcedSize | None, SourcedSize | None, SourcedSize | None]:
-        radius = self._said("tool", "radius_m", "finger_radius_m")
-        half = self._said("tool", "half_width_m", "finger_half_width_m")
+        radius = self._given_size("tool", "radius_m", "finger_radius_m")
+        half = self._given_size("tool", "half_width_m", "finger_half_width_m")
         sides = half_sides(self.plain.about)
         if sides is not None:
             thin, wide = sorted(sides)
             radius = _size("finger_radius_m", thin, "about")
             half = _size("finger_half_width_m", wide - thin, "about")
-        return radius, half, self._said("tool", "yaw_rad", "finger_yaw_rad")
+        return radius, half, self._given_size("tool", "yaw_rad", "finger_yaw_rad")
 
-    def _said(self, thing: str, key: str, name: str) -> SourcedSize | None:
+    def _given_size(self, thing: str, key: str, name: str) -> SourcedSize | None:
         """Size given by `about`, or by the task's name."""
         of = self.plain.about.get(thing, {})
         value: Any = of.get(key) if isinstance(of, Mapping) else None
@@ -274,7 +274,7 @@ def _round(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _changed(task: Task, sizes: Sequence[SourcedSize]) -> dict[str, float]:
+def _changed_sizes(task: Task, sizes: Sequence[SourcedSize]) -> dict[str, float]:
     """Sizes that differ from the task's own. Raises RecordingError for one that is not simulated."""
     own = {
         **{name: getattr(task.rope, name) for name in ("length_m", "radius_m", "mass_kg")},

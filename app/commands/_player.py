@@ -50,7 +50,7 @@ async def serve(file: Path, output: Output, *, at_s: float, speed: float, model:
     """Serve the recording `file` in the console until cancelled. Raises as `open_timeline` and `open_console`."""
     site = Site(console_port=port)
     check_port(site)
-    async with Worker("planner", niceness=_NICENESS) as planner, _opened(file, output) as timeline:
+    async with Worker("planner", niceness=_NICENESS) as planner, _open_recording(file, output) as timeline:
         player = Player(reel(timeline), time_s=at_s, speed=speed, model=model)
         async with open_console(
             host=site.console_host,
@@ -67,7 +67,7 @@ async def serve(file: Path, output: Output, *, at_s: float, speed: float, model:
 
 async def compare(file: Path, output: Output, *, at_s: float, model: str) -> None:
     """Plan the moment `at_s` [s] of `file` again and print how it compares. Raises as `replanned`."""
-    async with Worker("planner", niceness=_NICENESS) as planner, _opened(file, output) as timeline:
+    async with Worker("planner", niceness=_NICENESS) as planner, _open_recording(file, output) as timeline:
         if at_s > timeline.duration_s:
             raise ParameterError(
                 f"--at = {at_s:g} is after the end of {file}, which is {timeline.duration_s:.2f} s long."
@@ -82,8 +82,8 @@ async def compare(file: Path, output: Output, *, at_s: float, model: str) -> Non
 
 
 @asynccontextmanager
-async def _opened(file: Path, output: Output) -> AsyncGenerator[Timeline]:
-    """The recording's timeline; the terminal shows progress of reading it."""
+async def _open_recording(file: Path, output: Output) -> AsyncGenerator[Timeline]:
+    """Open the recording's timeline; the terminal shows progress of reading it."""
     with ExitStack() as stack:
         with output.status(f"reading {file.name}") as status:
 

@@ -79,17 +79,17 @@ class ProbedCell:
         before, messages = self._scribe.before(look, number)
         _write(file, messages)
         seen = self._view(before)
-        command, held = self._approved(seen, episode, held)
+        command, held = self._approved_push(seen, episode, held)
         take = self._world.push(command)
         told = self._scribe.after(before, take, number)
         _write(file, told)
         self._made.append(self._seen_push(seen, take, told))
         return held
 
-    def _approved(self, seen: ProjectionView, episode: int, held: Belief) -> tuple[Track, Belief]:
+    def _approved_push(self, seen: ProjectionView, episode: int, held: Belief) -> tuple[Track, Belief]:
         """An approved push, and the belief expected after it. Raises UsageError if none is approved."""
         while self._asked:
-            track = self._aimed(self._asked.pop(0), seen)
+            track = self._aim_push(self._asked.pop(0), seen)
             if track is not None and self._approve("A push that you asked for"):
                 return track, held
         for _ in range(_REJECTIONS):
@@ -118,7 +118,7 @@ class ProbedCell:
             raise PlanningError(f"The rope lies where no push may be made: {why}")
         return track
 
-    def _aimed(self, track: Track, seen: ProjectionView) -> Track | None:
+    def _aim_push(self, track: Track, seen: ProjectionView) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
         from app.jobs.suggested_push import aim_at
         from app.planner.actions.actions import Pushes

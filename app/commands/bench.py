@@ -23,8 +23,8 @@ def bench(
     rows of a single bench that makes them: sim. Options of a single bench that has some come last: discovery --n 20.
     """
     output = Console()
-    known = _known()
-    names, options = _divided(names)
+    known = _available_benches()
+    names, options = _names_and_options(names)
     if options and (len(names) != 1 or names[0] not in known or not _takes(names[0], "options")):
         takers = ", ".join(name for name in known if _takes(name, "options"))
         raise UsageError(f"{options[0]} is no option of `dipac bench`; a single bench has options: {takers}.")
@@ -41,17 +41,17 @@ def bench(
             importlib.import_module(f"bench.{name}").main(**{key: value for key, value in given.items() if value})
 
 
-def _marked(given: Sequence[str]) -> list[str]:
+def _insert_separator(given: Sequence[str]) -> list[str]:
     """The command line, on which `--` stands before the first option that is a bench's own."""
     at = next((at for at, word in enumerate(given) if word[:1] == "-" and word.split("=")[0] not in _OWN), None)
     return list(given) if at is None else [*given[:at], "--", *given[at:]]
 
 
-ARGUMENTS = _marked
+ARGUMENTS = _insert_separator
 """Preprocessing of the command line, before its options are parsed."""
 
 
-def _divided(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _names_and_options(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The names of benches, and the options of the bench, from the first option on."""
     at = next((at for at, word in enumerate(words) if word[:1] == "-"), len(words))
     return tuple(words[:at]), tuple(words[at:])
@@ -64,7 +64,7 @@ def _takes(name: str, parameter: str) -> bool:
     return any(argument.arg == parameter for main in mains for argument in main.args.args + main.args.kwonlyargs)
 
 
-def _known() -> dict[str, str]:
+def _available_benches() -> dict[str, str]:
     """The benches, modules of the folder with a function `main`, and the first lines of their docstrings."""
     if not FOLDER.is_dir():
         raise PreflightError("Benches are not part of the installed package; run `dipac bench` from a checkout.")

@@ -49,13 +49,13 @@ def calibrate(
     task = load(full_name(named, dynamics=dynamics, model=start))
     if task.recorded != named:
         raise UsageError(f"{start} is a model of {task.recorded}, not of the recordings' {named}; start from another.")
-    paths = _counted(recordings)
+    paths = _distinct_recordings(recordings)
     transitions = _transitions_of(paths)
     preset = _preset_for(task, transitions)
     fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(paths)} recordings"
     terminal.print(Text(f"Fitting {fitting}; that takes minutes."), soft_wrap=True)
     with terminal.status("loading the simulator"):
-        old = _checked(start, task) if start else nominal_model(task.name)
+        old = _start_model(start, task) if start else nominal_model(task.name)
     with terminal.status(f"fitting {fitting}"):
         found = calibration(task.name, preset, transitions, old)
     new, picture = found.model, output.with_suffix(".svg")
@@ -76,7 +76,7 @@ def calibrate(
     )
 
 
-def _checked(path: Path, task: Task) -> Model:
+def _start_model(path: Path, task: Task) -> Model:
     """The model in the file, fit to start from."""
     model = load_model(path, task=task.name, time_s=0.0)
     check_model(model)
@@ -91,7 +91,7 @@ def _task_of(recordings: tuple[Path, ...]) -> str:
     return next(iter(tasks.values()))
 
 
-def _counted(recordings: tuple[Path, ...]) -> list[Path]:
+def _distinct_recordings(recordings: tuple[Path, ...]) -> list[Path]:
     """Each recording once. Raises UsageError where one is there under several names."""
     paths = list(dict.fromkeys(counted_once(recordings)))
     check_distinct({path: digest(path) for path in paths})

@@ -71,13 +71,13 @@ def collect(
         bar = progress.add_task("episodes", total=episodes)
         for shown in demonstrations(full, size, seeds, eyes, expert, world):
             if reached and not (shown.played.success and shown.steps):
-                progress.console.print(f"{task} {shown.config.seed}: {_told(shown)}; not kept", markup=False)
+                progress.console.print(f"{task} {shown.config.seed}: {_outcome_text(shown)}; not kept", markup=False)
                 continue
             path = unused_path(folder, f"{task}-{shown.config.seed:04d}")
             record(shown, path)
             kept, met, actions = kept + 1, met + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)
-            progress.console.print(f"{path}: {_told(shown)}", markup=False)
+            progress.console.print(f"{path}: {_outcome_text(shown)}", markup=False)
             if kept == episodes:
                 break
     terminal.print(f"{met} of {kept} recorded episodes reached their goal, in {actions} actions together.")
@@ -91,7 +91,7 @@ def collect(
     terminal.print(f"learn a policy with `dipac train {name} --demos {shown} -o {where}`.", markup=False)
 
 
-def _told(shown: Demonstration) -> str:
+def _outcome_text(shown: Demonstration) -> str:
     played = shown.played
     if played.failure:
         return f"failed after {len(shown.steps)} actions: {played.failure}"

@@ -186,7 +186,7 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
             row = outcome if isinstance(outcome, dict) else _lost(trial, outcome)
             results_log.append(path, {"key": trial.key} | row)
             progress.update(bar, advance=1)
-            progress.console.print(f"{trial.key}: {_told(row)}", markup=False)
+            progress.console.print(f"{trial.key}: {_outcome_text(row)}", markup=False)
 
 
 def _check_same(path: Path, trial: Trial, before: Sequence[dict[str, Any]]) -> None:
@@ -221,7 +221,7 @@ def _lost(trial: Trial, why: str) -> dict[str, Any]:
     )
 
 
-def _told(row: dict[str, Any]) -> str:
+def _outcome_text(row: dict[str, Any]) -> str:
     if row["failure"]:
         return f"failed: {row['failure']}"
     ends = f"{1e6 * row['chamfers_m2'][0]:.0f} -> {1e6 * row['chamfer_m2']:.0f} mm^2"

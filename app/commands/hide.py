@@ -52,7 +52,7 @@ def hide(
     _check(seed, episodes, pushes)
     _check_cameras(cameras, depth_noise_mm)
     known = load(recorded(task))
-    physics = mistune(seed, world, _pushed(known))
+    physics = mistune(seed, world, _pushed_rope(known))
     hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
@@ -90,7 +90,7 @@ def _check_cameras(cameras: int, noise_mm: float | None) -> None:
         raise UsageError(f"--depth-noise-mm {noise_mm:g} is outside {least:g} to {most:g}; leave it out for 1.3.")
 
 
-def _pushed(task: Task) -> Rope:
+def _pushed_rope(task: Task) -> Rope:
     """The rope that is pushed. Raises UsageError where the task is of anything else."""
     if TaskName.parse(task.name).problem != "rope_push":
         raise UsageError(f"--task {task.name} is no rope that a finger pushes; give rope_push, sizes in parentheses.")

@@ -48,7 +48,7 @@ def import_(
         plain, known, setup = measured_setup(plain, known)
         notes = [*setup.words, *setup.notes, *(f"{flaw} No cause will be named." for flaw in setup.flaws)]
     else:
-        known, notes = _sized(known, plain)
+        known, notes = _resize_task(known, plain)
     count = known.preset("cpu").particle_count
     _write(output, imported_messages(plain, known.recorded, count, setup))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
@@ -57,7 +57,7 @@ def import_(
         terminal.print(note)
 
 
-def _sized(task: Task, plain: Plain) -> tuple[Task, list[str]]:
+def _resize_task(task: Task, plain: Plain) -> tuple[Task, list[str]]:
     """The task with an object and a tool of the file's sizes, and those of the sizes that it cannot have."""
     said = {
         "length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),

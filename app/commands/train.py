@@ -66,7 +66,7 @@ def train(
     if steps < 1 or batch < 1 or seed < 0:
         raise UsageError(f"--steps {steps} and --batch {batch} must be at least 1, and --seed {seed} at least 0.")
     make_folder(output, "-o")
-    shown = _shown(demos, known.recorded)
+    shown = _read_demos(demos, known.recorded)
     taught = examples(known, [(each.transitions, each.goals) for each in shown.values()])
     start = load_model(model, task=known.name, time_s=0.0) if model else nominal_model(known.name)
     check_model(start)
@@ -106,7 +106,7 @@ def train(
     )
 
 
-def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Demonstrations]:
+def _read_demos(demos: tuple[Path, ...], task: str) -> dict[Path, Demonstrations]:
     """Each recording once. Raises UsageError where one is of another task."""
     if not demos:
         raise UsageError("Name at least one recording: dipac train TASK --demos recordings/TASK/*.mcap")

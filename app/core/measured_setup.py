@@ -86,25 +86,25 @@ class MeasuredSetup:
         """One sentence each on object, tool and table, with the source of every number."""
         said = {size.name: size for size in self.sizes}
         rope = (
-            f"Object: a rope {said['length_m'].value:.3f} m long ({_known(said['length_m'])}), of "
-            f"{_MM * said['radius_m'].value:.1f} mm radius ({_known(said['radius_m'])}) and "
-            f"{_GRAM * said['mass_kg'].value:.0f} g ({_known(said['mass_kg'])})."
+            f"Object: a rope {said['length_m'].value:.3f} m long ({_source_text(said['length_m'])}), of "
+            f"{_MM * said['radius_m'].value:.1f} mm radius ({_source_text(said['radius_m'])}) and "
+            f"{_GRAM * said['mass_kg'].value:.0f} g ({_source_text(said['mass_kg'])})."
         )
         return rope, self._tool(said), self.table.words
 
     def _tool(self, said: Mapping[str, SourcedSize]) -> str:
         radius, width = said["finger_radius_m"], said["finger_half_width_m"]
         if width.value == 0:
-            return f"Tool: round, of {_MM * radius.value:.1f} mm radius ({_known(radius)})."
+            return f"Tool: round, of {_MM * radius.value:.1f} mm radius ({_source_text(radius)})."
         yaw = said["finger_yaw_rad"]
         return (
-            f"Tool: flat, {2 * _MM * radius.value:.1f} mm thick ({_known(radius)}), "
-            f"{2 * _MM * (width.value + radius.value):.1f} mm wide ({_known(width)}), turned by "
-            f"{degrees(yaw.value):.0f} degrees ({_known(yaw)})."
+            f"Tool: flat, {2 * _MM * radius.value:.1f} mm thick ({_source_text(radius)}), "
+            f"{2 * _MM * (width.value + radius.value):.1f} mm wide ({_source_text(width)}), turned by "
+            f"{degrees(yaw.value):.0f} degrees ({_source_text(yaw)})."
         )
 
 
-def _known(size: SourcedSize) -> str:
+def _source_text(size: SourcedSize) -> str:
     """Source of a size, in words."""
     if size.source == "data":
         return "from the data" + (f", known to {_GIVEN[size.name](size.sd)}" if size.sd > 0 else "")

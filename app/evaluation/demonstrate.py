@@ -92,7 +92,7 @@ def record(shown: Demonstration, path: Path) -> int:
         code_version=__version__,
         config=json.dumps({"preset": config.preset, "actions": config.pushes, "expert": True, **_world(config)}),
     )
-    said = [episode, *_said(shown)]
+    said = [episode, *_messages(shown)]
     try:
         file = EpisodeFile(path, episode, epoch=Epoch(offset_ns=time.time_ns()))
         try:
@@ -112,7 +112,7 @@ def _world(config: EpisodeConfig) -> dict[str, str]:
     return {"world": body.model} if isinstance(body, Rope) else {}
 
 
-def _said(shown: Demonstration) -> Iterator[Message]:
+def _messages(shown: Demonstration) -> Iterator[Message]:
     """Messages that the running application would have published."""
     config, summary = shown.config, Summary()
     assert config.model is not None

@@ -125,7 +125,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         "chamfers_m2": played.chamfer_m2,
         "rewards": played.share,
         "decisions_s": played.decision_s,
-        "parameters": [_calibrated(trial.task, model) for model in played.models] if order.online else [],
+        "parameters": [_calibrated_values(trial.task, model) for model in played.models] if order.online else [],
         "took_s": time.perf_counter() - began_s,
     }
 
@@ -149,5 +149,5 @@ def _model(trial: Trial, method: Method) -> Model:
     return model
 
 
-def _calibrated(task: str, model: Model) -> dict[str, float]:
+def _calibrated_values(task: str, model: Model) -> dict[str, float]:
     return {name: model.value(name) for name in load(task).calibrated}

@@ -40,12 +40,12 @@ def _local(run: Run[JobT], jobs: Sequence[JobT], processes: int) -> Generator[Fi
     left = list(jobs)
     while left:
         # A process that is killed takes its pool with it; alone, one by one, the next kill tells whose fault it was.
-        for job in (yield from _pooled(run, left, processes)):
-            for again in (yield from _pooled(run, [job], 1)):
+        for job in (yield from _run_in_pool(run, left, processes)):
+            for again in (yield from _run_in_pool(run, [job], 1)):
                 yield again, "its process was killed; if that was for want of memory, use fewer --jobs"
 
 
-def _pooled(run: Run[JobT], left: list[JobT], processes: int) -> Generator[Finished[JobT], None, list[JobT]]:
+def _run_in_pool(run: Run[JobT], left: list[JobT], processes: int) -> Generator[Finished[JobT], None, list[JobT]]:
     """Take jobs from `left` until it is empty or a process was lost; returns those that were running then.
 
     Defects of the program are raised when all that were running beside it are finished.

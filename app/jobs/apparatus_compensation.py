@@ -49,7 +49,7 @@ class Correction:
         """
         command = partial(self.command, site=request.site)
         found = planner(replace(request, observed=self.unseen(request.observed), command=command))
-        branches = tuple(self._shown(branch) for branch in found.branches)
+        branches = tuple(self._observed_branch(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
     def unseen(self, points: Points) -> Points:
@@ -68,7 +68,7 @@ class Correction:
         It compensates errors of the path, however slow the motion, and not delay and lag, which change its timing
         (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
         """
-        felt = self._felt(motion, before, after)
+        felt = self._drag_load(motion, before, after)
         told = motion.positions
         for _ in range(_ROUNDS):
             told = told + motion.positions - self.made(told, felt)
@@ -89,14 +89,14 @@ class Correction:
         made = self.predictor.carried_out(track, felt, self.theta, lambda effect: not (effect.told and measured))
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
 
-    def _shown(self, branch: Branch) -> Branch:
+    def _observed_branch(self, branch: Branch) -> Branch:
         frames = np.stack([self.seen(each) for each in branch.frames]) if len(branch.frames) else branch.frames
         return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
 
     def _eye(self, points: Points) -> Eye:
         return Eye(self.camera_m, label_particles([points], self.predictor.subject.rods)[1][0].astype(np.float64))
 
-    def _felt(self, motion: Motion, before: Points, after: Points) -> Load:
+    def _drag_load(self, motion: Motion, before: Points, after: Points) -> Load:
         lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
         times = np.concatenate([[0.0], np.cumsum(lengths / motion.speeds[1:])])
         known = after if np.isfinite(after).all() else before

@@ -61,7 +61,7 @@ def extended_model(
         time_s=time_s,
         version=1,
         task=task,
-        parameters=tuple(_taken(old, values.get(old.name)) for old in nominal.parameters),
+        parameters=tuple(_update_parameter(old, values.get(old.name)) for old in nominal.parameters),
         transition_count=pushes,
         apparatus=tuple(_erring(spec, values[name]) for name, spec in apparatus.items() if _wrong(spec, values)),
         extension=Extension(
@@ -147,7 +147,7 @@ def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> Non
             raise ParameterError.unknown(kind, name, listed)
 
 
-def _taken(old: Parameter, found: Estimated | None) -> Parameter:
+def _update_parameter(old: Parameter, found: Estimated | None) -> Parameter:
     if found is None:
         return old
     return Parameter(name=old.name, unit=old.unit, value=found.value, low=found.low, high=found.high)

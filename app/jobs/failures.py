@@ -40,7 +40,7 @@ def of_plan(task: str, search: TreeConfig, request: PlanRequest) -> str:
     if failed is None:
         return ""
     about = f"{task}, seed {request.seed}, branch {failed.branch}, action {failed.depth}"
-    return _left(task, about, request.phi, failed.state, failed.tool, request.site)
+    return _dump_and_report(task, about, request.phi, failed.state, failed.tool, request.site)
 
 
 def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site) -> str:
@@ -51,10 +51,12 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
     data = load(task)
     why = "are not predicted" if data.dynamics == "rods" else "left their grid"
     about = f"{task}, transition {lost[0].id}, one of {len(lost)} that {why}"
-    return _left(task, about, phi, data.initial_state(jnp.asarray(first.before)), first.tool, site)
+    return _dump_and_report(task, about, phi, data.initial_state(jnp.asarray(first.before)), first.tool, site)
 
 
-def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays, site: Site) -> str:
+def _dump_and_report(
+    task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays, site: Site
+) -> str:
     case = _case(load(task), phi, state, tool)
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."

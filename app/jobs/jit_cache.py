@@ -264,7 +264,7 @@ def calibrate_model(
     """The next version of `model`, fitted to all the transitions; what is odd along the object is 0 meanwhile."""
     evidence = gather(transitions, load(task).actions.measured_path)
     even = with_orientation(phi_of(model), 0.0)
-    fitter, found = _fitted(task, preset, settings, even, lambda by, phi: by.fit(evidence, phi))
+    fitter, found = _fit_across_ranges(task, preset, settings, even, lambda by, phi: by.fit(evidence, phi))
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -281,11 +281,11 @@ def calibrated_from_recordings(
         return calibrate_model(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
     check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
-    fitter, found = _fitted(task, preset, settings, phi, lambda by, phi: by.fit_with_offset(evidence, phi))
+    fitter, found = _fit_across_ranges(task, preset, settings, phi, lambda by, phi: by.fit_with_offset(evidence, phi))
     offset, first = fitter.offset.specs if fitter.offset else (), len(fitter.names)
     if not ((found.low > 0) | (found.high < 0))[first:].any():
         offset = ()
-        fitter, found = _fitted(task, preset, settings, phi, lambda by, phi: by.fit(evidence, phi))
+        fitter, found = _fit_across_ranges(task, preset, settings, phi, lambda by, phi: by.fit(evidence, phi))
     check_better_than_no_motion(found.losses_m2, evidence)
     new = next_model(model, found, fitter.names, transitions, offset)
     if new.apparatus and not new.extension.camera_m:
@@ -297,7 +297,7 @@ _FitFrom = Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit]
 """A fit by a calibrator from a model phi."""
 
 
-def _fitted(
+def _fit_across_ranges(
     task: str, preset: str, settings: FitSettings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
 ) -> tuple[Calibrator, Fit]:
     """The fit from a model `phi`, and the calibrator that made it.

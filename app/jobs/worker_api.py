@@ -107,7 +107,7 @@ def calibration(
 
     Raises RecordingError where nothing can be learned from the transitions.
     """
-    return _fitted(task, preset, transitions, model, _settings_of(task), site or Site(), offline=True)
+    return _fit_model(task, preset, transitions, model, _settings_of(task), site or Site(), offline=True)
 
 
 def _settings_of(task: str) -> FitSettings:
@@ -129,10 +129,10 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
 
     trust_factor = _TRUSTED if load(task).training_variant is None else _TRUSTED_OF_ANOTHER
     settings = FitSettings(steps=2, trust_factor=trust_factor)
-    return _fitted(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
+    return _fit_model(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
 
 
-def _fitted(
+def _fit_model(
     task: str,
     preset: str,
     transitions: Sequence[Transition],

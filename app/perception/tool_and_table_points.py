@@ -51,7 +51,7 @@ def table_points(frames: Sequence[Frame], how: Reconstruction, *, seed: int = 0)
         return _NOTHING
     bare = _within_box(np.concatenate(level), how)
     bare = bare[_far_from(bare, np.concatenate(others))]
-    return _drawn(_near_plane(bare), _TABLE_POINTS, seed) if len(bare) >= _LEAST_POINTS else _NOTHING
+    return _random_subset(_near_plane(bare), _TABLE_POINTS, seed) if len(bare) >= _LEAST_POINTS else _NOTHING
 
 
 def _readings(frame: Frame, mask: Mask, how: Reconstruction) -> Cloud:
@@ -87,6 +87,6 @@ def _near_plane(points: Cloud) -> Some:
     return points
 
 
-def _drawn(points: Cloud, count: int, seed: int) -> Some:
+def _random_subset(points: Cloud, count: int, seed: int) -> Some:
     """A random selection of `count` points; all where there are no more."""
     return np.random.default_rng(seed).permutation(points)[:count]

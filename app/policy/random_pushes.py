@@ -143,7 +143,7 @@ def _stroke(
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     """Start, direction and length of a push within the region that begins beside the object; the last one tried."""
     low, high = np.array(region[:2]), np.array(region[2:])
-    drawn = [_drawn(rng, x, plan, (low + high) / 2, core_m) for _ in range(_TRIES)]
+    drawn = [_sample_stroke(rng, x, plan, (low + high) / 2, core_m) for _ in range(_TRIES)]
     for start, ahead, length in drawn:
         end = start + length * ahead
         inside = np.all((start > low) & (start < high) & (end > low) & (end < high))
@@ -152,7 +152,7 @@ def _stroke(
     return drawn[-1]
 
 
-def _drawn(
+def _sample_stroke(
     rng: np.random.Generator, x: Points, plan: PushDesign, home: Float64[np.ndarray, "2"], core_m: tuple[float, float]
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     through = x[rng.integers(len(x)), :2].astype(np.float64)

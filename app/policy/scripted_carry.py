@@ -61,7 +61,7 @@ class ScriptedCarry:
     def act(self, prepared: Heading, now: PlanningState) -> ActionDistribution:
         """The next moves of each candidate."""
         ways = jax.vmap(self._way, in_axes=(None, 0, 0))(prepared.x_m, now.x, now.tool)
-        return ActionDistribution.surely(jax.vmap(self._walked)(ways))
+        return ActionDistribution.surely(jax.vmap(self._first_moves)(ways))
 
     def _way(self, x_m: Float[Array, ""], x: Float[Array, "N 3"], tool: Float[Array, " 8"]) -> Float[Array, "W 4"]:
         """Waypoints still ahead of the tool: x, y, z and opening."""
@@ -73,7 +73,7 @@ class ScriptedCarry:
         # Over the edge, low and open, the gripper hides the very edge from the cameras: it closes where it came to.
         come = near & (tool[2] < self.low_m + _DOWN_M)
         edge = jnp.where(come, tool[:2], self._edge(x, side))
-        carried = self._carried(here, held, edge, x_m, side)
+        carried = self._carry_waypoints(here, held, edge, x_m, side)
         to_it = self._taking(here, held, edge)
         away = jnp.concatenate([here[:2], jnp.array([self.carry_m, opened])])
         hung = self._hangs(x) & ~held
@@ -110,7 +110,7 @@ class ScriptedCarry:
         taken = down.at[3].set(closed)
         return jnp.where(held, here, jnp.stack([up, above, down, taken]))
 
-    def _carried(
+    def _carry_waypoints(
         self,
         here: Float[Array, " 4"],
         held: Bool[Array, ""],
@@ -137,7 +137,7 @@ class ScriptedCarry:
         before = (up & (x[:, 1] < self.rack_y_m)).mean()
         return (jnp.minimum(before, up.mean() - before) > 0.2) & (up.mean() > 0.6)
 
-    def _walked(self, way: Float[Array, "W 4"]) -> Float[Array, " A"]:
+    def _first_moves(self, way: Float[Array, "W 4"]) -> Float[Array, " A"]:
         """The first moves along the waypoints, none longer than allowed, each segment in equal ones."""
         steps = jnp.diff(way, axis=0)
         far, opening = self.steps_m

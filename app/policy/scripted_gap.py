@@ -63,15 +63,15 @@ class ScriptedGap:
         """One push for each candidate."""
         del prepared
         rod = fit_rods(now.x[..., :2])
-        ends = jnp.stack([self._through(rod), self._turned(rod), self._shifted(rod)], axis=1)
-        chosen = jnp.where(self._aligned(rod), 0, jnp.where(jnp.abs(rod.heading) > self.straight_rad, 1, 2))
+        ends = jnp.stack([self._through(rod), self._turning_push(rod), self._shifting_push(rod)], axis=1)
+        chosen = jnp.where(self._is_aligned(rod), 0, jnp.where(jnp.abs(rod.heading) > self.straight_rad, 1, 2))
         start, way = jnp.moveaxis(jnp.take_along_axis(ends, chosen[:, None, None, None], axis=1)[:, 0], 1, 0)
         length = _length(way)[:, None]
         way = way * jnp.minimum(1.0, self.max_length_m / length)
         steps = jnp.tile(way / self.displacements, (1, self.displacements))
         return ActionDistribution.surely(jnp.concatenate([start, steps], axis=1))
 
-    def _aligned(self, rod: StraightRods) -> Bool[Array, " B"]:
+    def _is_aligned(self, rod: StraightRods) -> Bool[Array, " B"]:
         """True if the rod points through the gap, or is half through."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         meets = rod.middle[:, 1] + ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0)) - self.gap_m[1]
@@ -85,7 +85,7 @@ class ScriptedGap:
         length = jnp.minimum(missing, self.through_m) + self.start_gap_m - self.contact_gap_m
         return jnp.stack([tail - self.start_gap_m * rod.along, length * rod.along], axis=1)
 
-    def _turned(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
+    def _turning_push(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
         """Push across one end: to the right of the head and to the left of the tail turn clockwise, and vice versa."""
         turn = jnp.clip(rod.heading, -self.max_turn_rad, self.max_turn_rad)
         side = jnp.where(turn < 0, -1.0, 1.0)[:, None]
@@ -99,7 +99,7 @@ class ScriptedGap:
         start = at - self.start_gap_m * push
         return jnp.stack([start, chord * (travel + self.start_gap_m - self.contact_gap_m)], axis=1)
 
-    def _shifted(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
+    def _shifting_push(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
         """Push across its middle, towards the gap's."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         missing = self.gap_m[1] - rod.middle[:, 1] - ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0))

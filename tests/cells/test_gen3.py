@@ -19,7 +19,7 @@ def test_cameras_that_are_not_calibrated_are_opened_without_a_date_which_is_said
 ) -> None:
     file = written(tmp_path, GOOD)
     save_camera(tmp_path / "calibration.toml", camera("012345678901"))
-    _, (left, right) = gen3._found(file)
+    _, (left, right) = gen3._cell_and_cameras(file)
     assert (left.calibrated_at, right.calibrated_at) == ("2026-11-23", "")
     np.testing.assert_allclose(left.T_world_camera, camera().pose, atol=1e-12)
     said = capsys.readouterr().err
@@ -39,7 +39,7 @@ def test_a_calibration_made_in_the_console_lies_beside_the_cells_file_by_the_cam
     assert kept is not None
     anyio.run(shelf.keep, kept)
     assert set(load_cameras(tmp_path / "calibration.toml")) == {"012345678902"}
-    _, (_, right) = gen3._found(file)
+    _, (_, right) = gen3._cell_and_cameras(file)
     assert right.calibrated_at == "2026-11-23"
 
 
@@ -50,7 +50,7 @@ def test_a_calibration_is_kept_in_the_frame_of_the_base_and_used_in_that_of_a_ta
     moved = GOOD.replace("place_m = [0.0, 0.0, 0.0]\nturn_deg = 0.0", "place_m = [0.1, -0.2, -0.15]\nturn_deg = 30.0")
     file = written(tmp_path, moved)
     save_camera(tmp_path / "calibration.toml", own)
-    _, (left, _) = gen3._found(file)
+    _, (left, _) = gen3._cell_and_cameras(file)
     np.testing.assert_allclose(table.base_from_table @ left.T_world_camera, own.pose, atol=1e-9)
     shelf = gen3.CELL.shelf(file)
     kept = anyio.run(shelf.kept, "left")

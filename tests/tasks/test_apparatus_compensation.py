@@ -62,7 +62,7 @@ def test_what_the_cameras_show_is_undone_to_a_tenth_of_a_millimetre(name: str) -
 @pytest.mark.parametrize("name", WAYS)
 def test_an_arm_that_is_told_the_command_makes_the_motion(name: str) -> None:
     error, motion, before = correction(model(**{name: WAYS[name]})), curved(), rope()
-    felt = error._felt(motion, before, rope(0.03))
+    felt = error._drag_load(motion, before, rope(0.03))
     assert np.abs(error.made(motion.positions, felt) - motion.positions).max() > 1e-3
     command = told(error, motion, before, rope(0.03))
     np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
@@ -72,7 +72,7 @@ def test_an_arm_that_is_told_the_command_makes_the_motion(name: str) -> None:
 def test_several_errors_at_once_are_undone_together() -> None:
     error, motion = correction(model(**WAYS)), curved()
     command = told(error, motion, rope(), rope(0.03))
-    felt = error._felt(motion, rope(), rope(0.03))
+    felt = error._drag_load(motion, rope(), rope(0.03))
     np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
 
 

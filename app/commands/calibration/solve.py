@@ -53,7 +53,7 @@ def solve(
     today = datetime.now(UTC).date()
     found = solved(views, setup, session.lens, board, serial=session.serial, calibrated_at=today)
     terminal.print(_views(found, list(session.sights)))
-    for line in _told(found.found):
+    for line in _result_lines(found.found):
         terminal.print(line)
     if session.serial in before:
         terminal.print(_difference(before[session.serial], found.found))
@@ -62,8 +62,8 @@ def solve(
     terminal.print(f"Written to {output}, as camera {session.serial!r}.")
 
 
-def _told(found: HandEye) -> list[str]:
-    """The result in words."""
+def _result_lines(found: HandEye) -> list[str]:
+    """The result, line by line."""
     x, y, z = _MM * found.pose[:3, 3]
     shifts, turns = (", ".join(f"{each:.2f}" for each in values) for values in (_mm(found), found.deviation_deg))
     spread = ", ".join(f"{each:.0f}" for each in found.spread.turns_deg)

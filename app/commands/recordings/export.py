@@ -48,7 +48,7 @@ def export(
     entries = _chosen(terminal, shelf(places), labelled)
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise UsageError(f"{output} is not an empty folder; choose another with -o, so that nothing is written over.")
-    with _finished(output) as folder, counting(terminal, TimeRemainingColumn()) as progress:
+    with _atomic_folder(output) as folder, counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("recordings", total=len(entries))
         paths = [entry.path for entry in entries]
         if to == "lerobot":
@@ -62,7 +62,7 @@ def export(
 
 
 @contextmanager
-def _finished(output: Path) -> Generator[Path]:
+def _atomic_folder(output: Path) -> Generator[Path]:
     """A folder that takes its name when all is in it; nothing is left of one that fails."""
     unfinished = output.with_name(f".{output.name}.unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)

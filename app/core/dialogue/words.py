@@ -44,7 +44,7 @@ def millimetres(chamfer_m2: float) -> float:
 
 def square(chamfer_m2: float) -> str:
     """A squared distance with its unit, for example `123 mm²`."""
-    return f"{_rounded(1e6 * chamfer_m2)} mm²" if math.isfinite(chamfer_m2) else NOTHING
+    return f"{_format_number(1e6 * chamfer_m2)} mm²" if math.isfinite(chamfer_m2) else NOTHING
 
 
 def number(value: float) -> str:
@@ -52,7 +52,7 @@ def number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else NOTHING
 
 
-def _rounded(value: float) -> str:
+def _format_number(value: float) -> str:
     """Three significant digits, but all before the point."""
     return f"{value:.0f}" if abs(value) >= _HUNDRED else f"{value:.3g}"
 

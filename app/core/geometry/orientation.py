@@ -59,7 +59,7 @@ class Orientation:
 
         0 if that is unknown.
         """
-        return self._matched(line) * math.copysign(1.0, self.log_odds) if self.known else 0.0
+        return self._relative_direction(line) * math.copysign(1.0, self.log_odds) if self.known else 0.0
 
     def observe(self, before: Centreline, predicted: Float32[np.ndarray, "2 2 n"], after: Centreline) -> Self:
         """The belief after a push that moved the rope from the nodes `before` to `after` [m], in the same order.
@@ -68,12 +68,12 @@ class Orientation:
         A prediction that is not finite says nothing.
         """
         first_m2, last_m2 = ((predicted - after) ** 2).sum(1).mean(1).tolist()
-        told = self._matched(before) * self.log_odds
+        told = self._relative_direction(before) * self.log_odds
         if math.isfinite(first_m2 + last_m2):
             told += math.log((_SCALE_M**2 + last_m2) / (_SCALE_M**2 + first_m2))
         return replace(self, line=after, log_odds=told)
 
-    def _matched(self, line: Centreline) -> float:
+    def _relative_direction(self, line: Centreline) -> float:
         """1 if `line` runs as the last nodes did, -1 if the other way; 0 if it lies elsewhere or there were none."""
         if line.shape != self.line.shape or not line.size:
             return 0.0

@@ -74,29 +74,29 @@ class TablePlace:
 
     def camera_in_table(self, found: HandEye) -> HandEye:
         """A camera calibrated in the base's frame, in the table's; unchanged where it is on the wrist."""
-        return self._moved(found, self.table_from_base)
+        return self._transform_camera(found, self.table_from_base)
 
     def camera_in_base(self, found: HandEye) -> HandEye:
         """The inverse of `camera_in_table`."""
-        return self._moved(found, self.base_from_table)
+        return self._transform_camera(found, self.base_from_table)
 
     @property
     def _turn(self) -> Rotation:
         return Rotation.from_euler("z", self.turn_deg, degrees=True)
 
-    def _moved(self, found: HandEye, T: Transform) -> HandEye:
+    def _transform_camera(self, found: HandEye, T: Transform) -> HandEye:
         """Standard deviations along the new axes are computed as if the old ones were independent."""
         if self == AT_BASE or found.setup != "fixed":
             return found
         return replace(
             found,
             pose=T @ found.pose,
-            deviation_m=_turned(T, found.deviation_m),
-            deviation_deg=_turned(T, found.deviation_deg),
+            deviation_m=_rotate_deviation(T, found.deviation_m),
+            deviation_deg=_rotate_deviation(T, found.deviation_deg),
         )
 
 
-def _turned(T: Transform, deviation: Three) -> Three:
+def _rotate_deviation(T: Transform, deviation: Three) -> Three:
     x, y, z = np.sqrt(T[:3, :3] ** 2 @ np.square(deviation)).tolist()
     return x, y, z
 

@@ -109,7 +109,7 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
     directions = _directions(low)
     if low and directions < _DIRECTIONS:
         yield Limit(
-            text=f"The pushes go in {_numbered(directions, 'direction')}; {_DIRECTIONS} are asked for.",
+            text=f"The pushes go in {_count_text(directions, 'direction')}; {_DIRECTIONS} are asked for.",
             consequence=(
                 "table_tilt, hand_eye_translation, tcp_offset, friction_anisotropy and draught look alike along one "
                 "line, and what they do across it does not show. Push from all sides next time."
@@ -126,7 +126,7 @@ def _instruments(study: Study) -> Iterator[Limit]:
         yield Limit(
             text=(
                 "The object was seen only after it had come to rest"
-                + (f", but for {_numbered(seen, 'push')} of {len(pushes)}." if seen else ", never during a push.")
+                + (f", but for {_count_text(seen, 'push')} of {len(pushes)}." if seen else ", never during a push.")
             ),
             consequence=(
                 "Delays and lags are invisible (command_delay, actuator_lag, camera_time_offset, kelvin_voigt), and "
@@ -195,10 +195,10 @@ def _span(low: float, high: float) -> str:
     return f"{low:.2f} m/s" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f} m/s"
 
 
-def _numbered(count: int, noun: str) -> str:
+def _count_text(count: int, noun: str) -> str:
     plural = "pushes" if noun == "push" else f"{noun}s"
     return f"{count} {noun if count == 1 else plural}"
 
 
 def _are(count: int, noun: str) -> str:
-    return f"{'is' if count == 1 else 'are'} {_numbered(count, noun)}"
+    return f"{'is' if count == 1 else 'are'} {_count_text(count, noun)}"

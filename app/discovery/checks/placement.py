@@ -32,7 +32,7 @@ def centre(study: Study, subject: Subject) -> Study:
         return study
     middle = np.concatenate([push.before.points[:, :2] for push in study.pushes]).mean(0, dtype=np.float64)
     x, y = (middle - MIDDLE_M).round(_DIGITS).tolist()
-    return replace(_moved(study, np.array([-x, -y, 0.0])), origin_m=(x, y))
+    return replace(_shift_study(study, np.array([-x, -y, 0.0])), origin_m=(x, y))
 
 
 def reach_m(study: Study, subject: Subject) -> tuple[float, float]:
@@ -67,7 +67,7 @@ def _extent(study: Study, subject: Subject) -> tuple[Float64[np.ndarray, "2"], F
     return every.min(0).astype(np.float64), every.max(0).astype(np.float64)
 
 
-def _moved(study: Study, shift: _Shift) -> Study:
+def _shift_study(study: Study, shift: _Shift) -> Study:
     unknown = study.setup is not None and study.setup.camera_m is None  # Above the middle, as nobody knows better.
     x, y, z = (np.array(study.camera) + (0.0 if unknown else shift)).tolist()
     return replace(

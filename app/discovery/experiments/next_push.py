@@ -60,8 +60,8 @@ def next_push(
         apart_mm=_MM * distance,
         before=last.points,
         ends=tuple(end for end in ends[:, best]),
-        text=f"{push_words(track, height_m, predictor.catalogue.origin_m)}: {_said(names[first])} and "
-        f"{_said(names[second])} leave the object {_MM * distance:.1f} mm apart.",
+        text=f"{push_words(track, height_m, predictor.catalogue.origin_m)}: {_readable_name(names[first])} and "
+        f"{_readable_name(names[second])} leave the object {_MM * distance:.1f} mm apart.",
     )
 
 
@@ -117,5 +117,5 @@ def push_words(track: Track, height_m: float, origin_m: tuple[float, float] = (0
     )
 
 
-def _said(name: str) -> str:
+def _readable_name(name: str) -> str:
     return name.replace("_", " ")

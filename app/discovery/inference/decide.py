@@ -95,7 +95,7 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
     held = held_out_gain((screening.data, screening.prior), best) if sure else None
     if held is not None and (not catalogue.rods or held.gain > held.error):
-        best = _extended(predictor, trials, screening, best, singles, said)
+        best = _add_causes(predictor, trials, screening, best, singles, said)
         held = held_out_gain((screening.data, screening.prior), best)
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
@@ -198,7 +198,7 @@ def _normalize(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
     return dict(zip(logs, probabilities[1:].tolist(), strict=True)), float(probabilities[0])
 
 
-def _extended(
+def _add_causes(
     predictor: Predictor,
     trials: SimulationBatch,
     screening: Screening,

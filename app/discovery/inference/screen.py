@@ -199,13 +199,13 @@ def located_of(
     if not placed:
         return {}
     if not catalogue.rods:
-        guessed = _guessed(predictor, trials, about)
+        guessed = _candidate_places(predictor, trials, about)
         return {cause: Located(guessed, 0.0) for cause in placed}
     nuisances = _fitted_first(predictor)
     return localized(predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances))
 
 
-def _guessed(predictor: Predictor, trials: SimulationBatch, about: Theta) -> Float64[np.ndarray, "S 2"]:
+def _candidate_places(predictor: Predictor, trials: SimulationBatch, about: Theta) -> Float64[np.ndarray, "S 2"]:
     """Candidate places: the corners of the inner half of the object's region, and peaks of the residuals."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)

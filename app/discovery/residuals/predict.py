@@ -80,7 +80,7 @@ class SimulationBatch:
         """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""
         rng = np.random.default_rng(seed)
         pushes = tuple(
-            replace(push, before=replace(push.before, points=self._jittered(push.before.points, along, rng)))
+            replace(push, before=replace(push.before, points=self._add_noise(push.before.points, along, rng)))
             for push, along in zip(self.study.pushes, self.labels[:, :, 0] * self.ways[:, None], strict=True)
         )
         return replace(self, study=replace(self.study, pushes=pushes))
@@ -111,7 +111,7 @@ class SimulationBatch:
             ways=self.ways[owners],
         )
 
-    def _jittered(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
+    def _add_noise(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
         """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""
         moved = points.copy()
         if not self.smooth:
@@ -188,11 +188,11 @@ class Predictor:
             for chunk in _chunks(jobs, chunks(own, self._platform)):
                 found = simulate.move(*self._inputs(trials, thetas, chunk, ways, group.needed))
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
-                    during[q, k] = self._seen(trials, k, mid, thetas[q])
-                    after[q, k] = self._seen(trials, k, end, thetas[q])
+                    during[q, k] = self._observation(trials, k, mid, thetas[q])
+                    after[q, k] = self._observation(trials, k, end, thetas[q])
         return PushParticles(during, after)
 
-    def _seen(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
+    def _observation(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points

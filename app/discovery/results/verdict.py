@@ -170,7 +170,7 @@ def sentences_of(
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
-    parts = " and ".join(f"{_said(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
+    parts = " and ".join(f"{_readable_name(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
     return (f"What the simulation lacks is {parts}.", gain_text, *more)
 
 
@@ -179,7 +179,7 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     likely, probability = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
     if not likely:
         return ("Nothing is missing that these recordings show.",)
-    said = f"{_said(likely)[0].upper()}{_said(likely)[1:]}"
+    said = f"{_readable_name(likely)[0].upper()}{_readable_name(likely)[1:]}"
     if probability > _LIKELIER:
         first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
         return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
@@ -192,7 +192,7 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
 
 def _one_of(causes: Sequence[CauseResult]) -> str:
     """The likeliest in words; how many more there are where they are many."""
-    names = [_said(blame.effect) for blame in causes]
+    names = [_readable_name(blame.effect) for blame in causes]
     few = names if len(names) <= _LISTED else names[: _LISTED - 1]
     more = [f"one of {len(names) - len(few)} more"] if len(few) < len(names) else []
     return " or ".join([*few, *more])
@@ -222,5 +222,5 @@ def _amount(value: float, unit: str) -> str:
     return f"{value:.3g} {'' if unit == '1' else unit}".strip()
 
 
-def _said(name: str) -> str:
+def _readable_name(name: str) -> str:
     return name.replace("_", " ")

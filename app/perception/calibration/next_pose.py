@@ -69,15 +69,15 @@ def next_pose(
 ) -> NextPose | None:
     """The best of many sampled poses; None where the board is visible in none of them. Needs one view at least."""
     poses = np.array([view.T_world_gripper for view in views])
-    drawn = _drawn(eye, views, rng)
+    drawn = _sample_poses(eye, views, rng)
     H = eye.ends.X @ drawn @ inverse(eye.ends.Y)
     grippers = outer(H, eye.setup)
-    possible = np.flatnonzero(_seen(eye, drawn) & _reached(eye, H, grippers, poses, workspace))[:_WEIGHED]
+    possible = np.flatnonzero(_is_visible(eye, drawn) & _is_reachable(eye, H, grippers, poses, workspace))[:_WEIGHED]
     if not len(possible):
         return None
     known = _prior() + sum(information(eye.ends, each, eye.lens, eye.setup) for each in _nominal(eye, views))
     scale = np.array([float(np.median([view.sight.T_camera_board[2, 3] for view in views]))] * 3 + [1.0] * 3)
-    left = [np.linalg.inv(known + _promised(eye, H[index])) for index in possible]
+    left = [np.linalg.inv(known + _view_information(eye, H[index])) for index in possible]
     best = int(np.argmin([np.sum(np.diag(each)[:6] * scale**2) for each in left]))
     return NextPose(
         T_world_gripper=grippers[possible[best]],
@@ -86,7 +86,7 @@ def next_pose(
     )
 
 
-def _drawn(
+def _sample_poses(
     eye: HandEyeSetup, views: Sequence[CalibrationView], rng: np.random.Generator
 ) -> Float64[np.ndarray, "D 4 4"]:
     """Sampled poses of the board in front of the camera: anywhere in its image, near and far, tilted from its mean."""
@@ -101,7 +101,7 @@ def _drawn(
     return transform(turned, place - turned @ middle)
 
 
-def _seen(eye: HandEyeSetup, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
+def _is_visible(eye: HandEyeSetup, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
     """Mask of the poses in which the whole board is in the image and faces the camera."""
     outline = transform_points(C, np.broadcast_to(eye.board.outline(), (len(C), 4, 3)))
     ahead = np.all(outline[..., 2] > _NEAREST_M / 2, axis=1)
@@ -112,7 +112,7 @@ def _seen(eye: HandEyeSetup, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray
     return ahead & np.all((pixels > _BORDER_PX) & (pixels < most), axis=(1, 2)) & (facing > _FACING)
 
 
-def _reached(
+def _is_reachable(
     eye: HandEyeSetup,
     H: Float64[np.ndarray, "D 4 4"],
     grippers: Float64[np.ndarray, "D 4 4"],
@@ -133,7 +133,7 @@ def _nominal(eye: HandEyeSetup, views: Sequence[CalibrationView]) -> list[Corner
     return corners_of(views, eye.board, eye.setup)
 
 
-def _promised(eye: HandEyeSetup, H: Transform) -> Float64[np.ndarray, "12 12"]:
+def _view_information(eye: HandEyeSetup, H: Transform) -> Float64[np.ndarray, "12 12"]:
     """Information matrix of a view of the whole board at that pose."""
     points = eye.board.corners()
     view = Corners(H=H, points=points, pixels=np.zeros((len(points), 2)))

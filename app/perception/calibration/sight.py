@@ -91,7 +91,7 @@ def _corners(grey: np.ndarray, board: Charuco) -> tuple[Int[np.ndarray, " C"], P
             "of it into the image, and keep hands and shadows off it."
         )
     ids, raw = np.asarray(numbers).reshape(-1).astype(np.int64), np.asarray(found, np.float32).reshape(-1, 1, 2)
-    return ids, _refined(grey, raw, _window_px(board, ids, raw[:, 0]))
+    return ids, _refine_corners(grey, raw, _window_px(board, ids, raw[:, 0]))
 
 
 @lru_cache(maxsize=8)
@@ -101,7 +101,7 @@ def _detector(board: Charuco) -> Any:
     return cv2.aruco.CharucoDetector(opencv_board(board), cv2.aruco.CharucoParameters(), how)
 
 
-def _refined(grey: np.ndarray, raw: np.ndarray, window_px: int) -> Pixels:
+def _refine_corners(grey: np.ndarray, raw: np.ndarray, window_px: int) -> Pixels:
     """Corners refined to where image gradients are orthogonal to the vectors to them (Foerstner and Guelch 1987)."""
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
     fine = cv2.cornerSubPix(grey, raw.copy(), (window_px, window_px), (-1, -1), stop)

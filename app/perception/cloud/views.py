@@ -68,7 +68,7 @@ def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: PointFilter) ->
 
 def surface(views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
     """The surface that the views agree on, without outliers; empty where they show nothing."""
-    clouds = [_uncontradicted(view, views, sieve) for view in views]
+    clouds = [_consistent_points(view, views, sieve) for view in views]
     if not any(len(cloud) for cloud in clouds):
         return np.zeros((0, 3), np.float32)
     return without_outliers(merge(clouds, sieve.voxel_m), _NEIGHBOURS, _SPREAD)
@@ -89,7 +89,7 @@ def diagnostics_of(views: Sequence[ObjectView]) -> tuple[ViewDiagnostics, ...]:
     )
 
 
-def _uncontradicted(view: ObjectView, views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
+def _consistent_points(view: ObjectView, views: Sequence[ObjectView], sieve: PointFilter) -> Cloud:
     """The points of `view` that no other view sees through."""
     keep = np.ones(len(view.points), bool)
     for other in views:

@@ -51,7 +51,7 @@ class Learned:
         except cv2.error as error:
             raise PerceptionError(
                 f"The segmenter {self.path} failed on an image of {color.shape[1]} x {color.shape[0]}: "
-                f"{_said(error)}. Train it for this size, or leave out --segmenter."
+                f"{_error_line(error)}. Train it for this size, or leave out --segmenter."
             ) from None
         best = scores[0].argmax(axis=0).astype(np.uint8)
         best = cv2.resize(best, (color.shape[1], color.shape[0]), interpolation=cv2.INTER_NEAREST)
@@ -73,13 +73,13 @@ def load_segmenter(path: Path, objects: int) -> Learned:
     except ValueError as error:
         raise UsageError(f"--segmenter {path} is no ONNX file ({error}); {wanted}.") from None
     if len(inputs) != 1 or len(outputs) != 1 or not _fits(inputs[0]):
-        raise UsageError(f"--segmenter {path} has {_listed(inputs)} in and {_listed(outputs)} out; {wanted}.")
+        raise UsageError(f"--segmenter {path} has {_tensor_list(inputs)} in and {_tensor_list(outputs)} out; {wanted}.")
     found = Learned(path=path.resolve(), height=inputs[0].shape[2], width=inputs[0].shape[3], objects=objects)
     size = (found.height or _TRIED[0], found.width or _TRIED[1])
     try:
         scores = _scores(found.path, np.zeros((*size, 3), np.uint8), size)
     except cv2.error as error:
-        raise UsageError(f"--segmenter {path} cannot be run by OpenCV: {_said(error)}; {wanted}.") from None
+        raise UsageError(f"--segmenter {path} cannot be run by OpenCV: {_error_line(error)}; {wanted}.") from None
     if scores.ndim != 4 or scores.shape[:2] != (1, 1 + objects):
         raise UsageError(f"--segmenter {path} gives an output of shape {scores.shape}; {wanted}.")
     return found
@@ -90,7 +90,7 @@ def _fits(tensor: Tensor) -> bool:
     return tensor.float32 and len(tensor.shape) == 4 and tensor.shape[0] in (0, 1) and tensor.shape[1] == 3
 
 
-def _listed(found: Sequence[Tensor]) -> str:
+def _tensor_list(found: Sequence[Tensor]) -> str:
     return ", ".join(str(tensor) for tensor in found) or "nothing"
 
 
@@ -107,6 +107,6 @@ def _network(path: Path) -> Any:
     return cv2.dnn.readNetFromONNX(str(path))
 
 
-def _said(error: cv2.error) -> str:
+def _error_line(error: cv2.error) -> str:
     """OpenCV's own message, in one line."""
     return " ".join(str(error).split())[:200]

@@ -35,7 +35,7 @@ def tensors(data: bytes) -> tuple[list[Tensor], list[Tensor]]:
     if graph is None:
         raise ValueError("it holds no graph")
     # Files before ONNX 1.3 list the network's weights among its inputs, too.
-    own = {_named(part, _INITIALIZER_NAME) for part in _parts(graph, _INITIALIZER)}
+    own = {_text_field(part, _INITIALIZER_NAME) for part in _parts(graph, _INITIALIZER)}
     inputs = [_tensor(part) for part in _parts(graph, _INPUT)]
     return [each for each in inputs if each.name not in own], [_tensor(part) for part in _parts(graph, _OUTPUT)]
 
@@ -44,7 +44,7 @@ def _tensor(data: bytes) -> Tensor:
     of = next((t for kind in _parts(data, _TYPE) for t in _parts(kind, _TENSOR)), b"")
     element = next((value for number, value in _fields(of) if number == _ELEMENT), 0)
     sizes = (dim for shape in _parts(of, _SHAPE) for dim in _parts(shape, _DIM))
-    return Tensor(_named(data, _NAME), element == _FLOAT, tuple(_size(dim) for dim in sizes))
+    return Tensor(_text_field(data, _NAME), element == _FLOAT, tuple(_size(dim) for dim in sizes))
 
 
 def _size(dim: bytes) -> int:
@@ -52,7 +52,7 @@ def _size(dim: bytes) -> int:
     return next((value for number, value in _fields(dim) if number == _VALUE and isinstance(value, int)), 0)
 
 
-def _named(data: bytes, field: int) -> str:
+def _text_field(data: bytes, field: int) -> str:
     return next((part.decode(errors="replace") for part in _parts(data, field)), "")
 
 

@@ -280,14 +280,14 @@ class Pushes:
 
         Raises ValueError where nothing was measured.
         """
-        return (self._interpolation() @ self._measured(tool)).astype(np.float32)
+        return (self._interpolation() @ self._measured_waypoints(tool)).astype(np.float32)
 
     def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
         """The action from the beginning of that part, in displacements of equal length. Raises as `measured_path`."""
-        points = self._measured(tool)[:, :2]
+        points = self._measured_waypoints(tool)[:, :2]
         return np.concatenate([points[0], np.diff(points, axis=0).ravel()]).astype(np.float32)
 
-    def _measured(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "W 3"]:
+    def _measured_waypoints(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "W 3"]:
         if not len(tool):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
         positions = tool[:, :3]

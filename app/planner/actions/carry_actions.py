@@ -151,7 +151,7 @@ class Carries:
 
         Raises ValueError where nothing was measured, or positions alone.
         """
-        path = self._measured(tool)
+        path = self._places_and_openings(tool)
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         shares = _ease(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0))
         points = np.stack([np.interp(shares * arc[-1], arc, column) for column in path.T], axis=1)
@@ -160,10 +160,10 @@ class Carries:
 
     def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
         """The way in moves that end where it turns, or fingers begin or cease to move. Raises as `measured_path`."""
-        points = corners(self._measured(tool), self.moves)
+        points = corners(self._places_and_openings(tool), self.moves)
         return np.concatenate([np.diff(points[:, :3], axis=0), points[1:, 3:]], axis=1).ravel().astype(np.float32)
 
-    def _measured(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "M 4"]:
+    def _places_and_openings(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "M 4"]:
         """Places and openings."""
         if not len(tool) or tool.shape[1] < 8:
             raise ValueError("Carrying needs measured poses with openings; the transition cannot be simulated.")

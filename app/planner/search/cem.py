@@ -157,7 +157,7 @@ def evolve(
     begin = _Generation(first, Gaussian(first.mean(0), first.std(0)), _none(improve, first, refit.kept))
     end, (before, after) = jax.lax.scan(step, begin, jax.random.split(key, refit.generations))
     best = end.kept.rollout
-    return OptimizedRollouts(best, _known(before[0]), _known(after), end.kept.lost, best.finite)
+    return OptimizedRollouts(best, _mask_unused_ranks(before[0]), _mask_unused_ranks(after), end.kept.lost, best.finite)
 
 
 def fit(
@@ -184,6 +184,6 @@ def _none(improve: Improve, first: Float[Array, "B D A"], kept: int) -> _Kept:
     return _Kept(jax.tree.map(empty, shapes.best), empty(shapes.lost_gradients), jnp.full(kept, jnp.inf))
 
 
-def _known(costs: Float[Array, "*axes"]) -> Float[Array, "*axes"]:
-    """NaN for a rank that nobody took."""
+def _mask_unused_ranks(costs: Float[Array, "*axes"]) -> Float[Array, "*axes"]:
+    """The costs, NaN for a rank that nothing took."""
     return jnp.where(jnp.isfinite(costs), costs, jnp.nan)

@@ -108,14 +108,14 @@ class Batch(NamedTuple):
 
     def framed(self, lessons: Lessons) -> Self:
         """Each as it is in its frame."""
-        return self._moved(lessons, lessons.symmetry.frame(self.goal, self.x))
+        return self._apply_isometry(lessons, lessons.symmetry.frame(self.goal, self.x))
 
     def moved(self, lessons: Lessons, by: Isometry) -> Self:
         """Each as it would be on the moved table.
 
         Where frames are none, one that the arm could not do there stays as it is: what it does elsewhere tells nothing.
         """
-        new = self._moved(lessons, by)
+        new = self._apply_isometry(lessons, by)
         if lessons.symmetry.turns:
             return new
         may = lessons.space.allowed(new.actions, PlanningState.at_rest(new.x)._replace(tool=new.tool))
@@ -127,7 +127,7 @@ class Batch(NamedTuple):
         now = PlanningState.at_rest(self.x)._replace(tool=self.tool)
         return Shown(lessons.seen(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 
-    def _moved(self, lessons: Lessons, by: Isometry) -> Self:
+    def _apply_isometry(self, lessons: Lessons, by: Isometry) -> Self:
         window, places = self.made.shape[1], by.places
         made = jnp.stack([lessons.space.moved(self.made[:, at], by) for at in range(window)], axis=1)
         return type(self)(places(self.x), places(self.goal), by.poses(self.tool), made, places(self.after), self.counts)

@@ -69,7 +69,7 @@ def load_policy(path: Path, *, task: str, how: Lessons) -> tuple[LearnedPolicy, 
         origin, shape = Origin(**header["origin"]), header["shape"]
         # A number that it does not have is what it was before there was such a number: the class says it.
         learner: Learner = type(kinds.load(origin.kind))(**header["learner"])
-        params, scale = _nested(arrays, "params/"), Scale(arrays["scale/mean"], arrays["scale/std"])
+        params, scale = _unflatten_params(arrays, "params/"), Scale(arrays["scale/mean"], arrays["scale/std"])
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{path} is no policy of this version ({error}); train it again.") from None
     if origin.task != task:
@@ -120,8 +120,8 @@ def load_training(path: Path, begun: Training, settings: Mapping[str, Any]) -> T
         optimiser = jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(begun.optimiser), leaves)
         told = header["training"]
         return Training(
-            params=_nested(arrays, "params/"),
-            best=_nested(arrays, "best/"),
+            params=_unflatten_params(arrays, "params/"),
+            best=_unflatten_params(arrays, "best/"),
             optimiser=optimiser,
             step=int(told["step"]),
             best_loss=float(told["best_loss"]),
@@ -136,7 +136,7 @@ def _flat(params: Params) -> Arrays:
     return {str(name): np.asarray(value) for name, value in flatten_dict(dict(params), sep="/").items()}
 
 
-def _nested(arrays: Arrays, prefix: str) -> Params:
+def _unflatten_params(arrays: Arrays, prefix: str) -> Params:
     chosen = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
     nested: Params = unflatten_dict({name: jnp.asarray(value, jnp.float32) for name, value in chosen.items()}, sep="/")
     return nested

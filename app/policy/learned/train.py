@@ -72,14 +72,16 @@ class Training:
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: TrainingSettings) -> Training:
     """State of training before the first step."""
-    params, optimiser = _drawn(learner, lessons, jax.random.key(settings.seed), Batch.of(examples, np.array([0])))
+    params, optimiser = _initial_state(
+        learner, lessons, jax.random.key(settings.seed), Batch.of(examples, np.array([0]))
+    )
     return Training(params=params, best=params, optimiser=optimiser)
 
 
 # One program: flax would have hundreds of small ones compiled, one after the other. It runs once, so that what the
 # compiler would need to make it fast is not worth it.
 @partial(jax.jit, static_argnums=(0, 1), compiler_options={"xla_backend_optimization_level": 0})
-def _drawn(learner: Learner, lessons: Lessons, key: PRNGKeyArray, first: Batch) -> tuple[Params, Any]:
+def _initial_state(learner: Learner, lessons: Lessons, key: PRNGKeyArray, first: Batch) -> tuple[Params, Any]:
     """Parameters, and the optimiser's state, which begins alike whatever its settings."""
     params = learner.begin(key, first.framed(lessons).shown(lessons).seen, lessons)
     return params, _optimiser(TrainingSettings()).init(params)

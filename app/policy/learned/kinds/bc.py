@@ -33,14 +33,14 @@ class Cloning(NextOnly):
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """The negative logarithm of the likelihood, for each number of an action."""
         del key
-        mean, spread = self._told(params, shown.seen, how.space.chunk)
+        mean, spread = self._mean_and_spread(params, shown.seen, how.space.chunk)
         return (0.5 * ((scale.to(shown.actions) - mean) / spread) ** 2 + jnp.log(spread)).mean()
 
     def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> ActionDistribution:
         """The mean, and the standard deviation."""
-        return scale.back(*self._told(params, seen, how.space.chunk))
+        return scale.back(*self._mean_and_spread(params, seen, how.space.chunk))
 
-    def _told(
+    def _mean_and_spread(
         self, params: Params, seen: PolicyObservation, chunk: Chunk
     ) -> tuple[Float[Array, "B T K"], Float[Array, "B T K"]]:
         out = apply_network(self._network(chunk), params, seen)

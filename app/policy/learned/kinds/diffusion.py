@@ -53,7 +53,7 @@ class Diffusion(NextOnly):
         moves, (drawn, noised) = scale.to(shown.actions), jax.random.split(key)
         level = jax.random.randint(drawn, (len(moves),), 0, self.noisy)
         noise = jax.random.normal(noised, moves.shape)
-        kept = jnp.asarray(self._kept())[level][:, None, None]
+        kept = jnp.asarray(self._cosine_schedule())[level][:, None, None]
         noised_moves = jnp.sqrt(kept) * moves + jnp.sqrt(1 - kept) * noise
         told = apply_network(self._network(how.space.chunk), params, shown.seen, noised_moves, level)
         return ((told - moves) ** 2).mean()
@@ -66,17 +66,17 @@ class Diffusion(NextOnly):
         noises = jax.random.normal(jax.random.key(0), (_DRAWN, 1, *chunk))
 
         def found(noise: Float[Array, "1 T K"]) -> Float[Array, "B T K"]:
-            return self._denoised(network, params, tokens, jnp.broadcast_to(noise, (count, *chunk)))
+            return self._denoise(network, params, tokens, jnp.broadcast_to(noise, (count, *chunk)))
 
         # Apart from each other, so that who asks for the mean alone does not pay for the spread.
         return scale.back(found(noises[0]), jax.vmap(found)(noises).std(0))
 
-    def _denoised(
+    def _denoise(
         self, network: "_Denoiser", params: Params, tokens: Float[Array, "B P W"], noise: Float[Array, "B T K"]
     ) -> Float[Array, "B T K"]:
         """DDIM, equation 12 with no noise put in again: from level to level, by way of the moves that are believed."""
         levels = np.linspace(self.noisy - 1, 0, self.steps).round().astype(np.int32)
-        kept = self._kept()
+        kept = self._cosine_schedule()
         before, after = kept[levels], np.append(kept[levels[1:]], 1.0)
 
         def step(x: Float[Array, "B T K"], at: tuple[Array, Array, Array]) -> tuple[Float[Array, "B T K"], None]:
@@ -89,7 +89,7 @@ class Diffusion(NextOnly):
         at = (jnp.asarray(levels), jnp.asarray(before), jnp.asarray(after, jnp.float32))
         return jax.lax.scan(step, noise, at)[0]
 
-    def _kept(self) -> Float32[np.ndarray, " L"]:
+    def _cosine_schedule(self) -> Float32[np.ndarray, " L"]:
         """The share of the signal's variance at each level: the squared cosine schedule."""
         time = np.arange(self.noisy + 1) / self.noisy
         share = np.cos((time + _OFFSET) / (1 + _OFFSET) * np.pi / 2) ** 2

@@ -59,7 +59,7 @@ class Imitation(NextOnly):
         phi = jnp.tile(jnp.array(world.phi), (len(now.x), 1))
         lost = self.told * ((self._moves(params, shown.seen, how) - scale.to(shown.actions)) ** 2).mean()
         for step in range(self.window):
-            action = self._made(params, shown.goal, now, how, scale)
+            action = self._projected_action(params, shown.goal, now, how, scale)
             state = world.advance(phi, now.state, how.space.tool_path(action, now.tool))
             state = _finite(state, now.state)
             off = chamfer_m2(state.x, shown.after[:, step]) / _UNIT_M**2
@@ -76,7 +76,7 @@ class Imitation(NextOnly):
         out = apply_network(self._network(how.space.chunk), params, seen)
         return out.reshape(-1, *how.space.chunk)
 
-    def _made(
+    def _projected_action(
         self, params: Params, goal: Float[Array, "B M 3"], now: PlanningState, how: Lessons, scale: Scale
     ) -> Float[Array, "B A"]:
         """The projected action; gradients pass the projection unchanged, and are clipped."""
