@@ -109,9 +109,12 @@ def test_a_public_class_name_is_defined_once():
 @pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/session")], ids=name)
 def test_the_session_has_its_time_from_its_clock(file):
     called = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
-    imported = {alias.name for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom) for alias in node.names}
-    owned = {"sleep_until", "move_on_at", "fail_after", "fail_at", "current_time", "deadline", "monotonic"}
-    assert not owned & (called | imported), "ask the clock"
+    timed = [node for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom)]
+    imported = {alias.name for node in timed if node.module in ("anyio", "asyncio", "time") for alias in node.names}
+    given = {node.arg for node in ast.walk(tree(file)) if isinstance(node, ast.keyword)}
+    owned = {"sleep_until", "move_on_at", "fail_after", "fail_at", "current_time", "deadline", "monotonic", "wait_for"}
+    assert not owned & (called | imported | given), "ask the clock"
+    assert not {"sleep", "move_on_after", "time"} & imported, "ask the clock"
     calls = (node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call))
     asked = [ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)]
     assert not {"anyio.sleep", "anyio.move_on_after", "time.time", "time.sleep"} & set(asked), "ask the clock"

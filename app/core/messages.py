@@ -394,6 +394,6 @@ class ResumeRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StopRequest(Message):
-    """Record of an operator's STOP. The arm has been stopped already; this is for the recording and the flow."""
+    """Record of an operator's STOP. The arm has been stopped already; this is for the recording and the session."""
 
     operator: str

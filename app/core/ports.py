@@ -22,7 +22,7 @@ class Clock(Protocol):
     """Time as a dependency: whoever runs a session brings the machine's, or one that waits for nothing."""
 
     def now(self) -> float:
-        """Monotonic time [s]."""
+        """Monotonic time [s]; later calls return later moments."""
         ...
 
     async def sleep(self, duration_s: float) -> None:
@@ -30,7 +30,7 @@ class Clock(Protocol):
         ...
 
     def move_on_after(self, duration_s: float | None) -> anyio.CancelScope:
-        """Cancel scope of what is given up after so long; None: never."""
+        """Cancel scope of what is given up after so long; None: never. Its deadline is in the event loop's time."""
         ...
 
 

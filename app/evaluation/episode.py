@@ -1,12 +1,11 @@
 """One episode in lock step, by the loop of the running application."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, TypeAlias, final
+from typing import Any, Literal, NamedTuple, TypeAlias, final
 
-import anyio
 import numpy as np
 
 from app.config import Site
@@ -98,10 +97,20 @@ def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | N
     """Play until the object is seen where it shall be, the actions are used up, or something fails."""
     stages = _LockStepStages(order, site or Site(), listen)
     try:
-        anyio.run(stages.run)
+        _complete(stages.run())
     except DipacError as error:
         stages.played.failure = str(error)
     return stages.played
+
+
+def _complete(coroutine: Coroutine[Any, Any, None]) -> None:
+    """Run a coroutine that never waits, without an event loop: Ctrl-C interrupts it as it does any function."""
+    try:
+        coroutine.send(None)
+    except StopIteration:
+        return
+    coroutine.close()
+    raise AssertionError("A stage of an episode in lock step has waited.")
 
 
 class _Made(NamedTuple):

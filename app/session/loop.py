@@ -27,7 +27,7 @@ class LoopStages(Protocol[ObservedT, PlanT, LeaveT, MadeT]):
         ...
 
     async def execute(self, leave: LeaveT) -> MadeT | None:
-        """The motion as it was made; None where it was not, or not to its end."""
+        """The motion as it was made, to its end or not; None where none was."""
         ...
 
     async def learn(self, made: MadeT) -> None:

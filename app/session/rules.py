@@ -94,7 +94,7 @@ def reduce(state: SessionState, event: Event) -> Reduced:
 
 
 # Modes: one that was asked for at a console lasts no longer than it is safe. Automatic ends with a stop, and when the
-# operator who asked for it loses control; the one that the program began in ends with a request alone. ----------------
+# operator who asked for it loses control; the one that the program began in ends with a request alone.
 
 
 def _mode_asked(state: SessionState, event: ModeChoice) -> Reduced:
@@ -186,7 +186,7 @@ def _weighed(state: SessionState, event: PlanAssessment) -> Reduced:
     return Reduced(state, (notice, *commands))
 
 
-# Stops: nothing moves from a stop until an operator resumes. ----------------------------------------------------------
+# Stops: nothing moves from a stop until an operator resumes.
 
 
 def _held(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
@@ -213,7 +213,7 @@ def _motion_ended(state: SessionState, event: MotionEnd) -> Reduced:
     return _held(state, executed.reason, goes_on=own and not state.stopped)
 
 
-# Decisions and edits are about the plan that is shown, and no other. --------------------------------------------------
+# Decisions and edits are about the plan that is shown, and no other.
 
 
 def _decided(state: SessionState, decision: Decision) -> Reduced:
@@ -234,7 +234,7 @@ def _edited(state: SessionState, request: EditRequest) -> Reduced:
     return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))
 
 
-# The checklist: an operator in control confirms all that a person can; the rest is what the program finds. ------------
+# The checklist: an operator in control confirms all that a person can; the rest is what the program finds.
 
 
 def _confirmed(state: SessionState, request: ChecklistRequest) -> Reduced:

@@ -26,7 +26,7 @@ _LAST_CALIBRATION_S = 300.0
 
 @final
 class Session:
-    """One episode. Build it of its parts, `await run()`, read the summary."""
+    """One session. Build it of its parts, `await run()`, read the summary."""
 
     def __init__(self, parts: Parts) -> None:
         self.parts = parts

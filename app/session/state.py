@@ -113,7 +113,7 @@ class Withdrawal(NamedTuple):
 
 @final
 class PlanAssessment(NamedTuple):
-    """A plan in automatic mode is worth to be made, or it is no better than no motion."""
+    """A plan in automatic mode is worth making, or it is no better than no motion."""
 
     proposal: Proposal
     worth: bool

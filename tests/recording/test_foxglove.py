@@ -147,7 +147,7 @@ def test_log_times_are_the_times_of_writing_and_never_equal(make: Maker, tmp_pat
 
 
 def an_episode(make: Maker) -> list[Message]:
-    """One push with all its causes, as the flow would say it."""
+    """One push with all its causes, as the session would publish it."""
     model, goal = make(Model, cause=()), make(Goal, cause=())
     frames = [make(Frame, cause=()) for _ in range(2)]
     particles = make(Particles, cause=tuple(frame.id for frame in frames))

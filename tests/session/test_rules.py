@@ -86,7 +86,7 @@ def texts(reduced: Reduced) -> list[str]:
     return [command.text for command in reduced.commands if isinstance(command, Announce)]
 
 
-# Modes ----------------------------------------------------------------------------------------------------------------
+# Modes
 
 
 @pytest.mark.parametrize("mode", ["idle", "teleoperate", "plan only"])
@@ -174,7 +174,7 @@ def test_the_end_voids_everything_and_says_nothing() -> None:
     assert (new.ended, new.interruptions, new.mode_changes, commands) == (True, 1, 1, ())
 
 
-# What is enough -------------------------------------------------------------------------------------------------------
+# What is enough
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_two_plans_in_a_row_that_are_no_better_than_none_end_it_and_then_it_begi
     )
 
 
-# Stops ----------------------------------------------------------------------------------------------------------------
+# Stops
 
 
 def test_a_stop_voids_plans_and_holds_until_somebody_resumes() -> None:
@@ -293,7 +293,7 @@ def test_it_pauses_three_times_in_a_row_and_no_more_until_a_motion_is_completed(
     assert [after(anew.state, *(own, *again) * count, own).state.goes_on for count in range(4)] == [True] * 3 + [False]
 
 
-# Plans, decisions and edits -------------------------------------------------------------------------------------------
+# Plans, decisions and edits
 
 
 def test_a_decision_counts_once_for_the_plan_that_is_waited_for() -> None:
@@ -335,7 +335,7 @@ def test_another_goal_or_model_voids_plans_with_its_reason() -> None:
     assert after(state(), Interruption("is offered as you changed it")).state.mode_changes == 0
 
 
-# The checklist --------------------------------------------------------------------------------------------------------
+# The checklist
 
 
 def found(**wrong: str) -> Inspection:

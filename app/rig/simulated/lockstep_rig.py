@@ -16,6 +16,7 @@ from app.arm.memory import ArmMemory
 from app.arm.process import ControlLoop
 from app.arm.process_arm import ProcessArm
 from app.config import Site
+from app.core.errors import first_error
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Stage
@@ -80,15 +81,12 @@ class LockStepRig:
         """The arm."""
         return self._arm
 
-    def truth(self) -> Snapshot:
-        """Ground truth of the world, dated in the clock's time, for evaluation."""
-        return _newest(self._snapshots)
-
     async def run(self) -> None:
         """Move arm and world on, for ever."""
         while True:
             await self._clock.sleep(self._period_s)
-            while self._last_s + self._period_s <= self._clock.now():
+            now_s = self._clock.now()  # Once: a world that is slower than its clock would never be done.
+            while self._last_s + self._period_s <= now_s:
                 self._tick()
 
     def _tick(self) -> None:
@@ -130,12 +128,15 @@ class LockStepCamera:
 async def lockstep_rig(
     *, stage: Stage, start: Nodes, site: Site, seed: int, clock: Clock
 ) -> AsyncGenerator[LockStepRig]:
-    """The rig, for as long as it is open."""
+    """The rig, for as long as it is open. Errors while it is are raised as they are."""
     rig = await to_thread.run_sync(LockStepRig, stage, start, site, seed, clock)
-    async with anyio.create_task_group() as tasks:
-        tasks.start_soon(rig.run)
-        yield rig
-        tasks.cancel_scope.cancel()
+    try:
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(rig.run)
+            yield rig
+            tasks.cancel_scope.cancel()
+    except BaseExceptionGroup as group:
+        raise first_error(group) from group
 
 
 @final
