@@ -24,25 +24,27 @@ def verdict_file(case: Case) -> schema.VerdictFile:
         schema=1,
         verdict=case.verdict,
         headline=headline(case),
-        probability=_known(known[0]) if known is not None else None,
+        probability=_finite_or_none(known[0]) if known is not None else None,
         probability_of=known[1] if known is not None else None,
         advice=advice(case),
         sentences=case.sentences,
         simulated=() if case.setup is None else case.setup.words,
         causes=tuple(map(_cause, case.causes)),
         formula=_formula(case.formula) if case.formula else None,
-        leftover=_known(case.leftover),
+        leftover=_finite_or_none(case.leftover),
         heldout=_heldout(case.gain),
         next_push=_next_push(case.next_push) if case.next_push else None,
         limits=tuple(schema.LimitEntry(text=it.text, consequence=it.consequence, fatal=it.fatal) for it in case.limits),
         ranking=tuple(map(_cause, case.ranking)),
         power=tuple(map(_power, case.powers)),
         amount=msgspec.convert(case.amount, schema.AmountEntry, from_attributes=True),
-        spent_s=tuple(schema.SpentEntry(stage=stage, seconds=_known(seconds)) for stage, seconds in case.spent_s),
+        spent_s=tuple(
+            schema.SpentEntry(stage=stage, seconds=_finite_or_none(seconds)) for stage, seconds in case.spent_s
+        ),
     )
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
@@ -51,12 +53,12 @@ def _cause(blame: CauseResult) -> schema.CauseEntry:
     return schema.CauseEntry(
         effect=blame.effect,
         family=blame.family,
-        size=_known(whole.value),
+        size=_finite_or_none(whole.value),
         unit=whole.unit,
-        low=_known(whole.low),
-        high=_known(whole.high),
-        probability=_known(blame.probability),
-        log_bayes=_known(blame.log_bayes),
+        low=_finite_or_none(whole.low),
+        high=_finite_or_none(whole.high),
+        probability=_finite_or_none(blame.probability),
+        log_bayes=_finite_or_none(blame.log_bayes),
         parameters=tuple(map(_parameter, blame.estimates)),
     )
 
@@ -64,10 +66,10 @@ def _cause(blame: CauseResult) -> schema.CauseEntry:
 def _parameter(estimate: Estimate) -> schema.ParameterEntry:
     return schema.ParameterEntry(
         name=estimate.name,
-        value=_known(estimate.value),
+        value=_finite_or_none(estimate.value),
         unit=estimate.unit,
-        low=_known(estimate.low),
-        high=_known(estimate.high),
+        low=_finite_or_none(estimate.low),
+        high=_finite_or_none(estimate.high),
     )
 
 
@@ -81,12 +83,12 @@ def _formula(formula: Formula) -> schema.FormulaEntry:
 
 def _heldout(gain: Gain) -> schema.HeldoutEntry:
     return schema.HeldoutEntry(
-        nominal=_known(gain.nominal_mm),
-        extended=_known(gain.extended_mm),
-        still=_known(gain.still_mm),
-        gain=_known(gain.gain),
-        low=_known(gain.low),
-        high=_known(gain.high),
+        nominal=_finite_or_none(gain.nominal_mm),
+        extended=_finite_or_none(gain.extended_mm),
+        still=_finite_or_none(gain.still_mm),
+        gain=_finite_or_none(gain.gain),
+        low=_finite_or_none(gain.low),
+        high=_finite_or_none(gain.high),
         episodes=gain.episodes,
     )
 
@@ -98,14 +100,16 @@ def track_entry(track: Track) -> schema.TrackEntry:
 
 def _next_push(push: NextPush) -> schema.NextPushEntry:
     entry = track_entry(push.track)
-    return schema.NextPushEntry(text=push.text, between=push.between, apart_mm=_known(push.apart_mm), track=entry)
+    return schema.NextPushEntry(
+        text=push.text, between=push.between, apart_mm=_finite_or_none(push.apart_mm), track=entry
+    )
 
 
 def _power(power: Power) -> schema.PowerEntry:
     return schema.PowerEntry(
         effect=power.effect,
         parameter=power.parameter,
-        least=_known(power.least),
-        typical=_known(power.typical),
+        least=_finite_or_none(power.least),
+        typical=_finite_or_none(power.typical),
         unit=power.unit,
     )

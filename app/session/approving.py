@@ -62,7 +62,7 @@ class Approving:
                 decision = await self._decision(proposal)
                 if not waiting.cancel_called:
                     heeded = decision
-                    return decision, self._approved(decision)
+                    return decision, self._approve(decision)
             self._given_up(proposal, asked)
             return None, None
         finally:
@@ -75,7 +75,7 @@ class Approving:
         assert self._store.state.decision is not None
         return self._store.state.decision
 
-    def _approved(self, decision: Decision) -> Approved | None:
+    def _approve(self, decision: Decision) -> Approved | None:
         if not decision.approve:
             why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
             self._announcer.notice("approval", why, decision.proposal_id)

@@ -90,16 +90,16 @@ class Preflight:
             await self._look()
 
     async def _look(self) -> None:
-        self._store.dispatch(Inspection(tuple(self._seen(await self._rig.arm.state()))))
+        self._store.dispatch(Inspection(tuple(self._automatic_checks(await self._rig.arm.state()))))
 
-    def _seen(self, arm: ArmState) -> Iterator[CheckItem]:
+    def _automatic_checks(self, arm: ArmState) -> Iterator[CheckItem]:
         """Checks that the program makes by itself."""
         yield found_item("arm", "The arm answers, and rests.", self._arm(arm))
         yield found_item(
             "place", "The tool is inside the workspace, and in no volume that is kept free.", self._place(arm)
         )
         yield found_item("cameras", "Every camera gives pictures.", self._cameras())
-        yield found_item("calibration", "Every camera's place was calibrated lately.", self._calibrated())
+        yield found_item("calibration", "Every camera's place was calibrated lately.", self._calibration())
         yield found_item("object", "The object is seen.", self._object())
 
     def _arm(self, arm: ArmState) -> str:
@@ -126,11 +126,11 @@ class Preflight:
         silent = [name for name, frame in frames.items() if frame is None or now_s - frame.time_s > late_s]
         return f"nothing new from {', '.join(silent)}; the tab Cell says what is done about it" if silent else ""
 
-    def _calibrated(self) -> str:
+    def _calibration(self) -> str:
         if self._rig.simulated:
             return ""
         today = datetime.now(UTC).date()
-        old = [_dated(camera.model) for camera in self._rig.cameras if camera.model.stale(today)]
+        old = [_date_text(camera.model) for camera in self._rig.cameras if camera.model.stale(today)]
         return f"{'; '.join(old)}: check or calibrate in the tab Calibrate, and start again" if old else ""
 
     def _object(self) -> str:
@@ -153,6 +153,6 @@ def confirmable(limits: Limits) -> dict[str, str]:
     }
 
 
-def _dated(camera: CameraModel) -> str:
+def _date_text(camera: CameraModel) -> str:
     known = max(camera.calibrated_at, camera.checked_at) or "no known day"
     return f"{camera.name} on {known}" + (f", {camera.doubt}" if camera.doubt else "")

@@ -50,13 +50,13 @@ class Watching:
         if self._verdict is not None:
             self._announcer.say(self._verdict)
         async for push in self._pushes:
-            before, (self._watch, watched) = self._watch, await to_thread.run_sync(self._looked, push)
+            before, (self._watch, watched) = self._watch, await to_thread.run_sync(self._assess_push, push)
             self._announcer.say(watched)
             if self._watch.alarmed and not before.alarmed:
                 self._announcer.notice("watch", alarm(watched))
             self.seen += 1
 
-    def _looked(self, push: ExecutedPush) -> tuple[Watch, Watched]:
+    def _assess_push(self, push: ExecutedPush) -> tuple[Watch, Watched]:
         seen = _glance(push, self._verdict.promised_share if self._verdict else float("nan"))
         watch = self._watch.after(seen)
         return watch, Watched(

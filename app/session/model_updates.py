@@ -120,16 +120,16 @@ class Modelling:
         for a plan that is being made.
         """
         try:
-            before, after, shown = await self._checked(request.model, current, goal)
+            before, after, shown = await self._check_model(request.model, current, goal)
         except DipacError as error:
             self._announcer.notice("model", f"The model of {request.source} is not used: {error}", request.id)
             return None
         asked = replace(request.model, id=fresh_id("model"), cause=(request.id, request.model.id), time_s=now_s)
         model = self.numbered(asked)
-        self._announcer.notice("model", _said(request, model) + _compiling(before, after), request.id)
+        self._announcer.notice("model", _notice_text(request, model) + _compiling(before, after), request.id)
         return Taken(model, shown)
 
-    async def _checked(
+    async def _check_model(
         self, model: Model, current: Model, goal: Points
     ) -> tuple[tuple[str, ...], tuple[str, ...], Points | None]:
         """The planner's needs before and after, and the goal as shown. Raises DipacError for an invalid model."""
@@ -141,7 +141,7 @@ class Modelling:
         return await run(planner_needs, current), await run(planner_needs, model), shown
 
 
-def _said(request: ModelRequest, model: Model) -> str:
+def _notice_text(request: ModelRequest, model: Model) -> str:
     return f"{request.operator} chose the model of {request.source}; it is version {model.version} now."
 
 

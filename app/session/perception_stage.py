@@ -139,7 +139,7 @@ class Sensing:
             frames = [await anext(change) for change in changes]
             started_s = self._clock.now()
             try:
-                found = await self._found(frames)
+                found = await self._reconstruct_object(frames)
             except (PerceptionError, WorkerError) as error:
                 self._announcer.fault("perception", error)
                 continue
@@ -157,12 +157,12 @@ class Sensing:
             self._past.append((_newest_s(frames), particles))
             self.particles.put(self._announcer.say(particles))
 
-    async def _found(self, frames: list[Frame]) -> Reconstructed:
-        """The object, and the contents of each view, which have been published, even if they are too little.
+    async def _reconstruct_object(self, frames: list[Frame]) -> Reconstructed:
+        """Reconstruct the object, and publish the contents of each view, even if they are too little.
 
         Raises PerceptionError then.
         """
-        how, known = self.seeing.how, self._known(frames)
+        how, known = self.seeing.how, self._prior_knowledge(frames)
         self._before = tuple(frames)
         try:
             found = credible(await self.perceiver.run(reconstruct, frames, how, self._rig.seen_arm.tool(), known), how)
@@ -175,7 +175,7 @@ class Sensing:
         self._remember(found, how)
         return found
 
-    def _known(self, frames: list[Frame]) -> PriorKnowledge:
+    def _prior_knowledge(self, frames: list[Frame]) -> PriorKnowledge:
         """Prior knowledge for these frames: the arm's pose at each of them, and earlier observations."""
         return PriorKnowledge(
             arm=self._rig.shape,

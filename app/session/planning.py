@@ -186,7 +186,7 @@ class Planning:
             except DipacError as error:
                 self._announcer.fault("orientation", error)
             if self._orientation.known and not before.known:
-                self._announcer.notice("orientation", _found(self._orientation), transition.id)
+                self._announcer.notice("orientation", _orientation_text(self._orientation), transition.id)
 
     async def _doubt(self, config: EpisodeConfig, x: Points) -> None:
         """Say, once, what makes it doubtful that the simulation begins where the object is."""
@@ -196,7 +196,7 @@ class Planning:
         self._doubted = said
 
 
-def _found(orientation: Orientation) -> str:
+def _orientation_text(orientation: Orientation) -> str:
     return (
         f"Which end of the object is the model's first one is known now, with a probability of "
         f"{orientation.probability:.2f}: plans heed all effects along it."

@@ -50,54 +50,54 @@ def reduce(state: SessionState, event: Event) -> Reduced:
     """The state after the event."""
     match event:
         case ModeChoice():
-            return _mode_asked(state, event)
+            return _on_mode_choice(state, event)
         case EndRequest():
-            return Reduced(_left(replace(state, ended=True)))
+            return Reduced(_leave_mode(replace(state, ended=True)))
         case Lease():
-            return _control_transferred(state, event)
+            return _on_lease(state, event)
         case StopRequest():
-            return _held(replace(state, pressed=True), f"Stopped by {event.operator}.")
+            return _stop_motion(replace(state, pressed=True), f"Stopped by {event.operator}.")
         case Decision():
-            return _decided(state, event)
+            return _on_decision(state, event)
         case EditRequest():
-            return _edited(state, event)
+            return _on_edit(state, event)
         case ChecklistRequest():
-            return _confirmed(state, event)
+            return _on_confirmation(state, event)
         case Interruption():
-            return Reduced(_interrupted(state, event.why))
+            return Reduced(_interrupt(state, event.why))
         case Reconfiguration():
-            return Reduced(_interrupted(replace(state, config=event.config), event.why))
+            return Reduced(_interrupt(replace(state, config=event.config), event.why))
         case Offer():
             return Reduced(replace(state, pending=event.proposal, decision=None))
         case Withdrawal():
             late = (_not_shown(state.decision),) if state.decision and state.decision is not event.heeded else ()
             return Reduced(replace(state, pending=None, decision=None), late)
         case PlanAssessment():
-            return _weighed(state, event)
+            return _on_assessment(state, event)
         case Observation():
-            return _observed(state, event)
+            return _on_observation(state, event)
         case UnaskedMotion():
-            return _counted(state)
+            return _count_motion(state)
         case Failure():
-            return _mode_set(state, "idle", "something failed; see the messages, then choose a mode")
+            return _set_mode(state, "idle", "something failed; see the messages, then choose a mode")
         case HandRefusal():
-            return _held(state, event.why)
+            return _stop_motion(state, event.why)
         case MotionEnd():
-            return _motion_ended(state, event)
+            return _on_motion_end(state, event)
         case PauseEnd():
             return Reduced(replace(state, goes_on=False, pauses=state.pauses + 1))
         case Resumption():
             state = replace(state, stopped=False, resumed_s=event.now_s, tried=state.pressed)
             return Reduced(state, (Announce("stop", f"Resumed by {event.operator}."),))
         case Inspection():
-            return _inspected(state, event.items)
+            return _on_inspection(state, event.items)
 
 
 # Modes: one that was asked for at a console lasts no longer than it is safe. Automatic ends with a stop, and when the
 # operator who asked for it loses control; the one that the program began in ends with a request alone.
 
 
-def _mode_asked(state: SessionState, event: ModeChoice) -> Reduced:
+def _on_mode_choice(state: SessionState, event: ModeChoice) -> Reduced:
     request, state = event.request, replace(state, pushes_before=event.pushes)
     if request.mode == "automatic" and (refusal := _refusal(state, request)):
         return Reduced(state, (Announce("mode", refusal, (request.id,)),))
@@ -106,7 +106,7 @@ def _mode_asked(state: SessionState, event: ModeChoice) -> Reduced:
     motions = request.motions if request.mode == "automatic" else 0
     if same:  # What is under way is what is wanted.
         return Reduced(replace(state, motions=motions, why=why), (AnnounceMode((request.id,)),))
-    return _mode_set(state, request.mode, why, request.id, motions=motions)
+    return _set_mode(state, request.mode, why, request.id, motions=motions)
 
 
 def _refusal(state: SessionState, request: ModeRequest) -> str:
@@ -119,60 +119,60 @@ def _refusal(state: SessionState, request: ModeRequest) -> str:
     return "" if possible else f"{request.motions} motions were asked for; automatic is for 1 to {MOST_MOTIONS}."
 
 
-def _mode_set(state: SessionState, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> Reduced:
+def _set_mode(state: SessionState, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> Reduced:
     """Change to `mode`; what waits under the old one is given up."""
-    return Reduced(_left(replace(state, mode=mode, why=why, motions=motions)), (AnnounceMode(cause),))
+    return Reduced(_leave_mode(replace(state, mode=mode, why=why, motions=motions)), (AnnounceMode(cause),))
 
 
-def _left(state: SessionState) -> SessionState:
-    return _interrupted(replace(state, mode_changes=state.mode_changes + 1), "was made in another mode")
+def _leave_mode(state: SessionState) -> SessionState:
+    return _interrupt(replace(state, mode_changes=state.mode_changes + 1), "was made in another mode")
 
 
-def _interrupted(state: SessionState, why: str) -> SessionState:
+def _interrupt(state: SessionState, why: str) -> SessionState:
     return replace(state, interruptions=state.interruptions + 1, interrupted=why)
 
 
-def _control_transferred(state: SessionState, lease: Lease) -> Reduced:
+def _on_lease(state: SessionState, lease: Lease) -> Reduced:
     """Take the mode, and the checklist before it is passed, from an operator who has lost control."""
     if any(operator != lease.holder for operator in state.confirmed.values()):
         state = replace(state, confirmed={}, by_hand=state.by_hand and state.passed)
     if state.mode not in ("automatic", "teleoperate") or state.holder in ("", lease.holder):
         return Reduced(state)
     back: ModeName = "idle" if state.mode == "teleoperate" else "approve each"
-    return _mode_set(state, back, f"{state.holder} has no control any more", lease.id)
+    return _set_mode(state, back, f"{state.holder} has no control any more", lease.id)
 
 
-def _counted(state: SessionState) -> Reduced:
+def _count_motion(state: SessionState) -> Reduced:
     """Count a motion without approval; the last one of a request ends the mode."""
     if state.mode != "automatic":
         return Reduced(state)
     left = max(state.motions - 1, 0)
     if left or not state.holder:
         return Reduced(replace(state, motions=left), (AnnounceMode(),))
-    return _mode_set(state, "approve each", "the motions that were asked for are made")
+    return _set_mode(state, "approve each", "the motions that were asked for are made")
 
 
-def _left_off(state: SessionState, why: str) -> Reduced:
+def _leave_off(state: SessionState, why: str) -> Reduced:
     """Wait for requests in a session that stays; end any other."""
     if state.config.staying:
-        return _mode_set(state, "idle", f"{why}; set another goal or choose a mode")
-    return Reduced(_left(replace(state, ended=True)))
+        return _set_mode(state, "idle", f"{why}; set another goal or choose a mode")
+    return Reduced(_leave_mode(replace(state, ended=True)))
 
 
-def _observed(state: SessionState, seen: Observation) -> Reduced:
+def _on_observation(state: SessionState, seen: Observation) -> Reduced:
     """Leave off where the goal is reached, the experiment concluded, or the pushes are made."""
     made = seen.pushes - state.pushes_before
     counted = state.config.staying and state.mode == "automatic"  # The mode itself counts these.
     if seen.concluded:
-        return _left_off(state, seen.concluded)
+        return _leave_off(state, seen.concluded)
     if seen.reached:
-        return _left_off(state, "the goal is reached")
+        return _leave_off(state, "the goal is reached")
     if counted or seen.experiment or made < state.config.pushes:
         return Reduced(state)
-    return _left_off(state, f"{made} motions were made")
+    return _leave_off(state, f"{made} motions were made")
 
 
-def _weighed(state: SessionState, event: PlanAssessment) -> Reduced:
+def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
     """Leave off after so many plans in a row that are no better than no motion."""
     if event.worth:
         return Reduced(replace(state, futile=0))
@@ -182,19 +182,19 @@ def _weighed(state: SessionState, event: PlanAssessment) -> Reduced:
     notice = Announce("plan", said, (event.proposal.id,))
     if state.futile < FUTILE_PLANS:
         return Reduced(state, (notice,))
-    state, commands = _left_off(state, _EXHAUSTED)
+    state, commands = _leave_off(state, _EXHAUSTED)
     return Reduced(state, (notice, *commands))
 
 
 # Stops: nothing moves from a stop until an operator resumes.
 
 
-def _held(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
+def _stop_motion(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
     """Forbid motion until somebody resumes, and void the plan that is shown."""
     state = replace(state, stopped=True, goes_on=goes_on and state.config.automatic and state.pauses < _MOST_PAUSES)
-    state, commands = _interrupted(state, "was made before the stop; planning again"), ()
+    state, commands = _interrupt(state, "was made before the stop; planning again"), ()
     if state.mode == "automatic" and state.holder:
-        state, commands = _mode_set(state, "approve each", "the arm was stopped")
+        state, commands = _set_mode(state, "approve each", "the arm was stopped")
     until = f" within {UNATTENDED_S:.0f} s" if state.config.automatic else ""
     onward = f"Press Resume in the console{until} to go on."
     if state.goes_on:
@@ -202,7 +202,7 @@ def _held(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
     return Reduced(state, (*commands, Announce("stop", f"{why.rstrip('.')}. {onward}")))
 
 
-def _motion_ended(state: SessionState, event: MotionEnd) -> Reduced:
+def _on_motion_end(state: SessionState, event: MotionEnd) -> Reduced:
     """Hold where the arm itself ended a motion before its time."""
     executed = event.executed
     if executed.outcome == "completed":
@@ -210,13 +210,13 @@ def _motion_ended(state: SessionState, event: MotionEnd) -> Reduced:
     if executed.time_s <= state.resumed_s:
         return Reduced(state)
     own = executed.outcome == "stopped" and not event.held
-    return _held(state, executed.reason, goes_on=own and not state.stopped)
+    return _stop_motion(state, executed.reason, goes_on=own and not state.stopped)
 
 
 # Decisions and edits are about the plan that is shown, and no other.
 
 
-def _decided(state: SessionState, decision: Decision) -> Reduced:
+def _on_decision(state: SessionState, decision: Decision) -> Reduced:
     pending = state.pending
     waited_for = pending is not None and pending.id == decision.proposal_id and state.decision is None
     if not waited_for or state.mode == "automatic":
@@ -228,7 +228,7 @@ def _not_shown(decision: Decision) -> Announce:
     return Announce("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
 
 
-def _edited(state: SessionState, request: EditRequest) -> Reduced:
+def _on_edit(state: SessionState, request: EditRequest) -> Reduced:
     if state.pending is not None and state.pending.id == request.proposal_id:
         return Reduced(state)
     return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))
@@ -237,7 +237,7 @@ def _edited(state: SessionState, request: EditRequest) -> Reduced:
 # The checklist: an operator in control confirms all that a person can; the rest is what the program finds.
 
 
-def _confirmed(state: SessionState, request: ChecklistRequest) -> Reduced:
+def _on_confirmation(state: SessionState, request: ChecklistRequest) -> Reduced:
     if state.passed:
         return Reduced(state)
     if request.key not in state.confirmable:
@@ -245,7 +245,7 @@ def _confirmed(state: SessionState, request: ChecklistRequest) -> Reduced:
     return Reduced(replace(state, confirmed={**state.confirmed, request.key: request.operator}))
 
 
-def _inspected(state: SessionState, found: tuple[CheckItem, ...]) -> Reduced:
+def _on_inspection(state: SessionState, found: tuple[CheckItem, ...]) -> Reduced:
     untried = "now press Resume" if state.stopped else "press STOP in the bar above, and then Resume"
     stop = found_item("stop", "STOP works: it was pressed in this session, and lifted.", "" if state.tried else untried)
     items = (*found, stop, *(_personal(key, text, state) for key, text in state.confirmable.items()))

@@ -76,7 +76,7 @@ class SessionStages:
         tool = parts.rig.arm.tool()
         proposal = await parts.planning.proposal(config, observed, parts.learning.current, tool, seeds, at=asked)
         self._attempts += 1
-        self._touched()
+        self._invalidate_observations()
         if (state := self._store.state).interruptions != asked:
             parts.announcer.notice("plan", f"{proposal.id} {state.interrupted}.", proposal.id)
             return None
@@ -90,14 +90,14 @@ class SessionStages:
         if state.mode == "plan only":
             parts.reporting.do("showing a plan")
             await parts.approving.preview(plan)
-            self._touched()
+            self._invalidate_observations()
             return None
         parts.reporting.do("waiting for approval")
         target = state.config.target
         decision, approved = await parts.approving.decided(plan)
         if decision is not None and (approved or not decision.approve):
             parts.planning.decided(plan, approved=approved is not None)
-        self._touched()
+        self._invalidate_observations()
         return None if approved is None else Leave(plan, approved, parts.sensing.particles.value, target)
 
     async def execute(self, leave: Leave) -> ExecutedPlan | None:
@@ -106,8 +106,8 @@ class SessionStages:
         Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
         """
         self.acts = True
-        executed = await self._executed(leave.approved) if not self._store.state.ended else None
-        self._touched()
+        executed = await self._execute(leave.approved) if not self._store.state.ended else None
+        self._invalidate_observations()
         return None if executed is None else ExecutedPlan(leave, executed)
 
     async def learn(self, made: ExecutedPlan) -> None:
@@ -120,7 +120,7 @@ class SessionStages:
             now_s = parts.clock.now()
             parts.announcer.say(parts.summary.scored(proposal, before, executed, after, target, now_s=now_s))
             if self._store.state.config.answering:
-                transition, model = self._noted(before, executed, after), parts.learning.models.value
+                transition, model = self._note_transition(before, executed, after), parts.learning.models.value
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
                 await parts.probing.put(transition, before, after, parts.reporting.do)
                 await parts.learning.put(transition)
@@ -155,7 +155,7 @@ class SessionStages:
         except MotionRefused as refusal:
             self._store.dispatch(HandRefusal(str(refusal)))
             return
-        self._touched()
+        self._invalidate_observations()
         if executed is not None:
             self.acts = True
             await self._learn_by_hand(parts.announcer.say(executed))
@@ -170,10 +170,10 @@ class SessionStages:
         if known and before and executed.outcome == "completed":
             parts.reporting.do("looking at what was done by hand")
             self._observed = await self._look()
-            await parts.learning.put(self._noted(before, executed, self._observed))
+            await parts.learning.put(self._note_transition(before, executed, self._observed))
 
-    def _noted(self, before: Particles, executed: Executed, after: Particles) -> Transition:
-        """The transition, which has been published, and noted where it counts at once."""
+    def _note_transition(self, before: Particles, executed: Executed, after: Particles) -> Transition:
+        """Publish the transition, and note it where it counts at once."""
         parts = self._parts
         transition = parts.announcer.say(Transition.between(before, executed, after, time_s=parts.clock.now()))
         parts.demonstrating.learned(transition)
@@ -189,7 +189,7 @@ class SessionStages:
         parts.summary.saw(observed, self._store.state.config.target)
         return observed
 
-    def _touched(self) -> None:
+    def _invalidate_observations(self) -> None:
         """Invalidate all observations so far: something may have moved."""
         self._observed, self._touched_s = None, self._parts.clock.now()
 
@@ -206,7 +206,7 @@ class SessionStages:
             self._parts.summary.exhausted = True
         return worth
 
-    async def _executed(self, approved: Approved) -> Executed | None:
+    async def _execute(self, approved: Approved) -> Executed | None:
         parts = self._parts
         if self._store.state.stopped:
             return None

@@ -97,7 +97,7 @@ class Probing:
         experiment = self._experiment
         if experiment is None:
             return
-        self._made.append(self._seen(transition, before, after, experiment))
+        self._made.append(self._build_push(transition, before, after, experiment))
         if self._offered is not None:
             self._held, self._offered = self._offered.then, None
         count = len(self._made)
@@ -113,7 +113,9 @@ class Probing:
             self._announcer.say(opening)
             self._announcer.notice("experiment", "An episode ends; the object may be laid anew before the next push.")
 
-    def _seen(self, transition: Transition, before: Particles, after: Particles, experiment: Experiment) -> "Push":
+    def _build_push(
+        self, transition: Transition, before: Particles, after: Particles, experiment: Experiment
+    ) -> "Push":
         from app.discovery.dataset.study import ProjectionView, Push
 
         executed = transition.executed

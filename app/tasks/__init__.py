@@ -43,7 +43,7 @@ def load(name: str) -> Task:
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
     wanted = TaskName.parse(name)
-    task = _found(wanted.problem)
+    task = _find_task(wanted.problem)
     return task if str(wanted) == task.name else _other(wanted)
 
 
@@ -56,7 +56,7 @@ def named(task: str, dynamics: str | None = None) -> str:
     return load(str(replace(TaskName.parse(task), dynamics=dynamics or known.own_dynamics))).name
 
 
-def _found(name: str) -> Task:
+def _find_task(name: str) -> Task:
     return _ADDED.get(name) or _of_file(name)
 
 
@@ -77,7 +77,7 @@ def _of_file(name: str) -> Task:
 @cache
 def _other(name: TaskName) -> Task:
     """The task with other sizes or dynamics; cached, so that compiled code is found again."""
-    task = _found(name.problem)
+    task = _find_task(name.problem)
     if name.sizes:
         task = resize(task, dict(name.sizes))
     return task.with_dynamics(name.dynamics)

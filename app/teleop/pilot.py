@@ -57,7 +57,7 @@ class Pilot:
                 return "too late"
             if sample.held and refused is not None:
                 man = man.off(refused)
-            said = self._moved(sample) if man.live else man.why
+            said = self._follow_sample(sample) if man.live else man.why
             if before.live and not man.live:
                 self._jog(Jog())
             self._deadmen[operator] = man.off(said) if said == NOT_HEEDED else man
@@ -81,7 +81,7 @@ class Pilot:
             if man.live:
                 self._jog(Jog())
 
-    def _moved(self, sample: Sample) -> str:
+    def _follow_sample(self, sample: Sample) -> str:
         if sample.towards and self._aim is None:
             self._jog(Jog())
             return "there is no aim to go to"

@@ -35,23 +35,23 @@ class TargetHandle:
             position=self._at,
             visible=False,
         )
-        self._handle.on_update(self._dragged)
+        self._handle.on_update(self._on_drag)
 
     def paint(self, board: ConsoleState) -> None:
         """Show or hide it; put it back where an operator dragged it without permission."""
         shown = board.teleoperated
         if shown and not self._handle.visible and board.arm is not None:
-            self._put(board.arm.pose[:3])
+            self._set_position(board.arm.pose[:3])
         if shown != self._handle.visible:
             self._handle.visible = shown
         if not np.allclose(self._handle.position, self._at):
             self._handle.position = self._at
 
-    async def _dragged(self, event: viser.TransformControlsEvent) -> None:
+    async def _on_drag(self, event: viser.TransformControlsEvent) -> None:
         if self._controller.blocked_reason(f"client {event.client_id}") is None:
-            self._put(np.asarray(event.target.position, np.float64))
+            self._set_position(np.asarray(event.target.position, np.float64))
 
-    def _put(self, position: np.ndarray) -> None:
+    def _set_position(self, position: np.ndarray) -> None:
         """Clip and set the position: viser's page keeps to the limits; another client may not."""
         if np.isfinite(position).all():
             self._at = np.clip(position, self._workspace.low, self._workspace.high)

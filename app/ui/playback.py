@@ -56,7 +56,7 @@ class Playback:
             # Not to its present value: that might undo a move whose callback is on its way.
             self._put_s = where.time_s
             self._time.value = min(round(where.time_s / self._time.step) * self._time.step, self._time.max)
-        if (speed := _named(where.speed)) != self._speed.value and speed in SPEEDS:
+        if (speed := _speed_name(where.speed)) != self._speed.value and speed in SPEEDS:
             self._speed.value = speed
         self._card.put(replanning.card(self._player.replanned, self._player.said))
         if self._again.disabled != (busy := self._player.ordered() is not None):
@@ -80,7 +80,7 @@ class Playback:
         self._play.on_click(lambda _: player.toggle())
         motions = gui.add_button_group("Step", (PREVIOUS, NEXT))
         motions.on_click(lambda event: player.step(1 if event.target.value == NEXT else -1))
-        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value=_known(player.where.speed))
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value=_nearest_speed(player.where.speed))
         self._speed.on_update(lambda event: event.client and player.set_speed(SPEEDS[event.target.value]))
         self._build_places(reel)
 
@@ -124,18 +124,18 @@ def shown(reel: Reel, where: Where) -> str:
     """The moment in words."""
     passed = sum(mark.time_s <= where.time_s for mark in reel.motions)
     motion = f"motion {passed} of {len(reel.motions)}" if reel.motions else "no motions"
-    doing = f"playing {_named(where.speed)}" if where.playing else "paused"
+    doing = f"playing {_speed_name(where.speed)}" if where.playing else "paused"
     return (
         f'<div class="dp" role="status"><b>{where.time_s:.2f} s</b> of {reel.duration_s:.2f} s '
         f"<small>{motion}, {doing}</small></div>"
     )
 
 
-def _named(speed: float) -> str:
+def _speed_name(speed: float) -> str:
     return next((name for name, known in SPEEDS.items() if known == speed), f"{speed:g}\N{MULTIPLICATION SIGN}")
 
 
-def _known(speed: float) -> str:
+def _nearest_speed(speed: float) -> str:
     """The nearest listed speed."""
     return min(SPEEDS, key=lambda name: abs(math.log(min(SPEEDS[name], 1e3) / min(speed, 1e3))))
 

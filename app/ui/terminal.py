@@ -88,11 +88,11 @@ class Terminal:
             case Health():
                 self._show_stage(message.doing)
             case Outcome():
-                self._put(Text(outcome_line(message)))
+                self._enqueue(Text(outcome_line(message)))
             case Notice():
-                self._put(Text.assemble((message.where, "cyan"), f": {message.text}"))
+                self._enqueue(Text.assemble((message.where, "cyan"), f": {message.text}"))
             case Fault():
-                self._put(Text.assemble((f"fault, {message.where}", "red"), f": {message.text}"))
+                self._enqueue(Text.assemble((f"fault, {message.where}", "red"), f": {message.text}"))
             case _:
                 pass
 
@@ -103,10 +103,10 @@ class Terminal:
             return
         stage = doing.rsplit(" (", 1)[0]
         if stage != self._stage and stage.startswith("compiling"):
-            self._put(Text(f"{stage} ..."))
+            self._enqueue(Text(f"{stage} ..."))
         self._stage = stage
 
-    def _put(self, line: Text) -> None:
+    def _enqueue(self, line: Text) -> None:
         if self._lines.qsize() < LINES_BOUND:
             self._lines.put(line)
         else:

@@ -22,20 +22,22 @@ def in_dialect(described: Described, components: Mapping[str, Described]) -> Des
     Non-finite defaults become strings, as they are in messages. Raises AssertionError where a component contains
     itself.
     """
-    return _finite(_said(described, components, within=()))
+    return _finite(_resolve_references(described, components, within=()))
 
 
-def _said(described: Described, components: Mapping[str, Described], within: tuple[str, ...]) -> Described:
+def _resolve_references(
+    described: Described, components: Mapping[str, Described], within: tuple[str, ...]
+) -> Described:
     """`described` without references, and with objects and enumerations as the parser needs them, recursively."""
 
     def inner(part: Any) -> Any:
-        return _said(cast(Described, part), components, within) if isinstance(part, dict) else part
+        return _resolve_references(cast(Described, part), components, within) if isinstance(part, dict) else part
 
     match described:
         case {"$ref": str(reference), **beside}:
             name = reference.rpartition("/")[2]
             assert name not in within, f"{name} holds itself, and its schema would have no end; hold its id instead"
-            return _said(components[name] | beside, components, (*within, name))
+            return _resolve_references(components[name] | beside, components, (*within, name))
         case {"prefixItems": [first, *rest], **others} if all(item == first for item in rest):
             return inner(others | {"items": first})
         case {"enum": [*values]}:

@@ -132,9 +132,9 @@ def entry(path: Path) -> Entry:
     try:
         size_bytes = path.stat().st_size
         if held(path):
-            return _begun(path, size_bytes, "recording", "")
+            return _unfinished_entry(path, size_bytes, "recording", "")
         if not ends_as_mcap(path) and starts_as_mcap(path):
-            return _begun(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
+            return _unfinished_entry(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
         return _whole(path, size_bytes, inspect(path))
     except OSError as error:
         why = f"Cannot read {path} ({error.strerror}); make sure that you may."
@@ -169,7 +169,7 @@ def _whole(path: Path, size_bytes: int, metadata: Mapping[str, str]) -> Entry:
     )
 
 
-def _begun(path: Path, size_bytes: int, condition: Condition, why: str) -> Entry:
+def _unfinished_entry(path: Path, size_bytes: int, condition: Condition, why: str) -> Entry:
     """Entry of a file without an end, from its first records."""
     metadata, began = dict[str, str](), datetime.fromtimestamp(path.stat().st_mtime, UTC)
     with path.open("rb") as stream:

@@ -54,7 +54,7 @@ def recover(path: Path) -> Recovered:
     draft = goal.with_suffix(".draft")
     try:
         salvage, summary = _Salvage(path), _summary(path)
-        messages = write_records(itertools.chain(_declared(summary), salvage), draft)
+        messages = write_records(itertools.chain(_declarations(summary), salvage), draft)
         if messages == 0:
             raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
@@ -95,10 +95,10 @@ class _Salvage:
                     return
                 if isinstance(record, DataEnd):
                     return
-                yield from self._opened(record, length=stream.tell() - intact_end)
+                yield from self._chunk_records(record, length=stream.tell() - intact_end)
                 intact_end = stream.tell()
 
-    def _opened(self, record: McapRecord, *, length: int) -> Iterator[McapRecord]:
+    def _chunk_records(self, record: McapRecord, *, length: int) -> Iterator[McapRecord]:
         """The records in a chunk whose checksum holds; any other record as it is."""
         if not isinstance(record, Chunk):
             yield record
@@ -128,7 +128,7 @@ def _is_whole(path: Path, messages: int) -> bool:
             return False
 
 
-def _declared(summary: Summary | None) -> Iterator[McapRecord]:
+def _declarations(summary: Summary | None) -> Iterator[McapRecord]:
     """Schemas and channels of the summary: the chunk that first declared one may be lost."""
     if summary is not None:
         yield from summary.schemas.values()

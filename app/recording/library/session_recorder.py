@@ -112,7 +112,7 @@ class SessionRecorder:
         """
         async with self._one_at_a_time:
             with anyio.CancelScope(shield=True):
-                take = await self._stopped()
+                take = await self._detach_take()
                 if take is None:
                     raise RecordingError("No demonstration is being recorded; begin one first.")
                 await to_thread.run_sync(_end, take, said, operator)
@@ -136,18 +136,18 @@ class SessionRecorder:
             epoch=self._session.epoch,
         )
         share = (now_s - since_s) / max(now_s - self._began_s, 1.0)
-        return await to_thread.run_sync(self._cut, cut, number, round(share * cut.size_bytes))
+        return await to_thread.run_sync(self._write_clip, cut, number, round(share * cut.size_bytes))
 
     async def close(self) -> EpisodeRecorder | None:
         """End the open demonstration, without a label, and return it."""
         async with self._one_at_a_time:
-            take = await self._stopped()
+            take = await self._detach_take()
             if take is not None:
                 await to_thread.run_sync(take.finish)
             return take
 
-    async def _stopped(self) -> EpisodeRecorder | None:
-        """The demonstration that was open; it receives nothing more."""
+    async def _detach_take(self) -> EpisodeRecorder | None:
+        """Detach and return the open demonstration; it receives nothing more."""
         async with self._in_turn:
             take, self._take = self._take, None
             return take
@@ -158,16 +158,16 @@ class SessionRecorder:
         return replace(self._episode, id=fresh_id("episode"), cause=(), time_s=began_s, config=config)
 
     def _start(self, episode: Episode, part: str) -> EpisodeFile:
-        room = self._left(self._take_bytes)
+        room = self._room_for(self._take_bytes)
         return start(self.path.parent, episode, room, part=part, epoch=self._session.epoch)
 
-    def _cut(self, cut: Cut, number: int, expected_bytes: int) -> Path:
-        check_folder(self.path.parent, self._left(expected_bytes))
+    def _write_clip(self, cut: Cut, number: int, expected_bytes: int) -> Path:
+        check_folder(self.path.parent, self._room_for(expected_bytes))
         goal = unused_path(self.path.parent, f"{self.path.stem}-clip{number}")
         write_clip(cut, goal)
         return goal
 
-    def _left(self, expected_bytes: int) -> Room:
+    def _room_for(self, expected_bytes: int) -> Room:
         """Disk limits of one more file of so many bytes that leave the session its expected size."""
         with suppress(OSError):
             expected_bytes += max(0, self._room.expected_bytes - self.path.stat().st_size)

@@ -29,7 +29,7 @@ class Mark:
 
 def marks_of(times: Times, history: Sequence[Logged], first_ns: int) -> Iterator[Mark]:
     """The marks of a recording in order, from the log times of its channels and its short messages."""
-    found = [*_numbered_marks(times), *_said(history)]
+    found = [*_numbered_marks(times), *_message_marks(history)]
     for time_ns, kind, text in sorted(found, key=lambda mark: mark[0]):
         yield Mark(time_s=(time_ns - first_ns) / _NS, kind=kind, text=text)
 
@@ -54,7 +54,7 @@ def _began(before_ns: int, end_ns: int, *told: Sequence[int]) -> int:
     return end_ns
 
 
-def _said(history: Sequence[Logged]) -> Iterator[tuple[int, MarkKind, str]]:
+def _message_marks(history: Sequence[Logged]) -> Iterator[tuple[int, MarkKind, str]]:
     for time_ns, message in history:
         match message:
             case Decision():

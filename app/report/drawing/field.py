@@ -41,7 +41,8 @@ def _map_figure(case: Case) -> Markup:
         p.width,
         p.height,
         "Residuals on the table",
-        f"Arrows from where the model puts the object to where it is, drawn {times:g} times as long. {_said(arrows)}",
+        f"Arrows from where the model puts the object to where it is, drawn {times:g} times as long. "
+        f"{_agreement(arrows)}",
         surface(p),
         tag("g", *layers, class_="single-arrows"),
         _means(p, arrows, shade, times),
@@ -51,7 +52,7 @@ def _map_figure(case: Case) -> Markup:
     return figure(
         drawing,
         f"Each arrow leads from where the refitted nominal model puts a bit of the object to where it was, {times:g} "
-        f"times as long as it is. {_said(arrows)}",
+        f"times as long as it is. {_agreement(arrows)}",
         controls=chooser("field", "Pushes shown", options),
         legend=legend([(f"shade{k}", _range(k, shade)) for k in range(_SHADES)]),
     )
@@ -62,7 +63,7 @@ def lengths_mm(arrows: ResidualField) -> Float64[np.ndarray, " M"]:
     return 1e3 * np.linalg.norm(arrows.displacements.astype(np.float64), axis=1)
 
 
-def _said(arrows: ResidualField) -> str:
+def _agreement(arrows: ResidualField) -> str:
     """Sentence on the agreement of the arrows."""
     mean, size = 1e3 * arrows.displacements.mean(0), float(lengths_mm(arrows).mean())
     common = float(np.linalg.norm(mean))

@@ -83,7 +83,7 @@ def confusions(case: Case) -> Markup:
         width,
         top + cell * count + 8,
         "Which causes these pushes would confuse",
-        f"Rows: what was hidden; columns: what it was taken for. {_said(case)}",
+        f"Rows: what was hidden; columns: what it was taken for. {_confusion_text(case)}",
         label(_LABELS - 12, top - 10, "hidden \N{DOWNWARDS ARROW}", "strong", anchor="end"),
         label(_LABELS - 12, top - 32, "taken for, in % \N{RIGHTWARDS ARROW}", "strong", anchor="end"),
         *(label(_LABELS - 12, top + cell * (k + 0.5) + 4, name, "tick", anchor="end") for k, name in enumerate(names)),
@@ -101,7 +101,7 @@ def confusions(case: Case) -> Markup:
         drawing,
         "Each cause was hidden in these very pushes at its typical size, and looked for, by their slopes about the "
         "nominal model: a dark diagonal means that it would be named, a light row that it would stay unseen. "
-        f"{_said(case)}",
+        f"{_confusion_text(case)}",
     )
 
 
@@ -122,7 +122,7 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
     return joined([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])
 
 
-def _said(case: Case) -> str:
+def _confusion_text(case: Case) -> str:
     """The pairs that are confused with one another, in words."""
     mutual = np.maximum(case.confusions, case.confusions.T)
     pairs = sorted(

@@ -52,7 +52,7 @@ def _example(it: Example, index: int) -> Markup:
         _ends(close, it),
     )
     return columns(
-        figure(drawing, _said(it), legend=legend(_KEY)),
+        figure(drawing, _caption(it), legend=legend(_KEY)),
         figure(detail, "What the frame holds: where the nominal model is farthest from what was seen."),
         kind="lensed",
     )
@@ -65,7 +65,7 @@ def _ends(p: Plot, it: Example) -> Markup:
     )
 
 
-def _said(it: Example) -> str:
+def _caption(it: Example) -> str:
     nominal, extended = (decimal(apart_mm(it.observed, cloud), 1) for cloud in (it.nominal, it.extended))
     return (
         "The better a model, the more its dots lie on those observed. From an observed point to the nearest predicted "

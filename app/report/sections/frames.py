@@ -21,7 +21,10 @@ def frames(case: Case) -> Markup:
     rows = [_row(it, first=index == 0) for index, it in enumerate(ordered)]
     heads = ("Frame", "Constant in it", "Share of the mean residual's variance, with 90 % interval")
     return joined(
-        [paragraph(_said(ordered), "lead"), table(heads, [*rows, ("", "", _scale())], numbers=(1,), kind="frames")]
+        [
+            paragraph(_conclusion(ordered), "lead"),
+            table(heads, [*rows, ("", "", _scale())], numbers=(1,), kind="frames"),
+        ]
     )
 
 
@@ -61,7 +64,7 @@ def _scale() -> Markup:
     return svg(_WIDTH, 18.0, "Axis", "From 0 to 100 %.", *numbers)
 
 
-def _said(ordered: list[FrameTest]) -> str:
+def _conclusion(ordered: list[FrameTest]) -> str:
     first = ordered[0]
     rivals = [it.frame for it in ordered[1:] if it.high >= first.low]
     named = f"\N{LEFT DOUBLE QUOTATION MARK}{first.frame}\N{RIGHT DOUBLE QUOTATION MARK}"

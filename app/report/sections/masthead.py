@@ -22,7 +22,7 @@ def masthead(case: Case) -> Markup:
         tag("p", kind(case), class_="kicker"),
         tag("h1", headline(case)),
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
-        *_simulated(case),
+        *_setup_list(case),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
         tag("div", tag("h2", "What to do next"), *(_next(text) for text in advice(case)), class_="advice"),
@@ -30,7 +30,7 @@ def masthead(case: Case) -> Markup:
     )
 
 
-def _simulated(case: Case) -> list[Markup]:
+def _setup_list(case: Case) -> list[Markup]:
     """Object, tool and table as they were simulated, with the source of their numbers."""
     if case.setup is None:
         return []

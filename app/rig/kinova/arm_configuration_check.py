@@ -74,10 +74,10 @@ def _check_frame(said: ToolConfiguration, holds: Holds) -> None:
     off_rad = Rotation.from_matrix(frame[:3, :3].T @ wanted[:3, :3]).magnitude()
     if off_m > _NEAR_M or off_rad > _NEAR_RAD:
         raise DeviceError(
-            f"The arm's tool frame is {_said(gen3.pose(frame))} from its flange, and this cell's tool is "
-            f"{_said(gen3.pose(wanted))} so that poses would be {1e3 * off_m:.0f} mm and {np.degrees(off_rad):.0f} "
-            f"degrees off. Set the tool {_PAGE}, or say what it is in the cell's file, by tip_m and turn_deg "
-            "of [arm.tool]."
+            f"The arm's tool frame is {_pose_text(gen3.pose(frame))} from its flange, and this cell's tool is "
+            f"{_pose_text(gen3.pose(wanted))} so that poses would be {1e3 * off_m:.0f} mm and "
+            f"{np.degrees(off_rad):.0f} degrees off. Set the tool {_PAGE}, or say what it is in the cell's file, "
+            "by tip_m and turn_deg of [arm.tool]."
         )
 
 
@@ -90,7 +90,7 @@ def _check_mass(believed_kg: float, holds: Holds) -> None:
         )
 
 
-def _said(pose: Pose) -> str:
+def _pose_text(pose: Pose) -> str:
     return (
         f"({pose.x:.3f}, {pose.y:.3f}, {pose.z:.3f}) m, turned by ({pose.theta_x:.0f}, {pose.theta_y:.0f}, "
         f"{pose.theta_z:.0f}) degrees,"

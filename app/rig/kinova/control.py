@@ -182,7 +182,7 @@ class KinovaControl:
         self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
         if self._clearing is not None and self._clearing.over:
-            self._cleared(self._clearing.problem)
+            self._end_clearing(self._clearing.problem)
         elif self.mode == "moving" and self._jogging is not None:
             self._push(self._jogging, seen, duration_s)
         elif self.mode == "moving" and self._handle is not None:
@@ -280,7 +280,7 @@ class KinovaControl:
             self._gripped_m = opening_m
             self._driver.grip(float(np.clip(1.0 - self._gripped_m / self._limits.opening_m, 0.0, 1.0)))
 
-    def _cleared(self, problem: str) -> None:
+    def _end_clearing(self, problem: str) -> None:
         self._clearing = None
         self.mode, self.reason = ("fault", problem) if problem else ("idle", "")
 

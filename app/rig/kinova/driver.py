@@ -252,7 +252,7 @@ class Driver:
         moving = False
         while not self._over.is_set():
             with self._work:
-                self._work.wait_for(self._wanted, COMMAND_S)
+                self._work.wait_for(self._has_work, COMMAND_S)
                 handle = self._handles.popleft() if self._handles else None
                 number, twist, age_s = self._stops, self._twist, time.monotonic() - self._twist_s
                 if age_s > TWIST_S:
@@ -269,7 +269,7 @@ class Driver:
                 moving = False
                 self._stop.set()
 
-    def _wanted(self) -> bool:
+    def _has_work(self) -> bool:
         """True where the command thread has work, or must end."""
         return bool(self._handles) or self._twist is not None or self._over.is_set()
 

@@ -52,7 +52,7 @@ class Along:
     def _on(self, index: int, tool: ToolPose) -> tuple[float, float]:
         """Nearest path length on a segment, not before the present one, and the tool's distance from it."""
         begin, end = self._moves[index], self._moves[index + 1]
-        here, length = _signed(tool, self._points[index]) * _MOVES, float(self._at[index + 1] - self._at[index])
+        here, length = _align_sign(tool, self._points[index]) * _MOVES, float(self._at[index + 1] - self._at[index])
         ahead = (end - begin) / max(length, _SHORTEST_M)
         first = max(self._measured - float(self._at[index]), 0.0)
         gone = float(np.clip((here - begin) @ ahead, min(first, length), length))
@@ -68,6 +68,6 @@ class Along:
         return whole(self._points[index] + share * (self._points[index + 1] - self._points[index]))
 
 
-def _signed(tool: ToolPose, like: ToolPose) -> Float64[np.ndarray, "8"]:
+def _align_sign(tool: ToolPose, like: ToolPose) -> Float64[np.ndarray, "8"]:
     """The pose with the sign of its quaternion nearer to the path's."""
     return tool if tool[3:7] @ like[3:7] >= 0 else np.concatenate([tool[:3], -tool[3:7], tool[7:]])

@@ -28,12 +28,12 @@ def look_at(address: Address, client: str, holds: Holds) -> str:
     try:
         kortex.open()
         check(kortex, holds)
-        return _said(kortex)
+        return _describe_arm(kortex)
     finally:
         kortex.close()
 
 
-def _said(kortex: Kortex) -> str:
+def _describe_arm(kortex: Kortex) -> str:
     firmware, joints = kortex.firmware(), kortex.joint_count()
     if joints != 7:
         raise DeviceError(f"The arm there has {joints} joints; a Gen3 of 7 is needed.")

@@ -25,11 +25,11 @@ def realsense_cameras(
     Raises DeviceError on entry, with the problem, where one is missing, gives no image within `start_s`, or differs
     from its calibration.
     """
-    return _opened(mounted, timing, timeouts or RecoveryTimeouts(), start_s)
+    return _open_cameras(mounted, timing, timeouts or RecoveryTimeouts(), start_s)
 
 
 @asynccontextmanager
-async def _opened(
+async def _open_cameras(
     mounted: Sequence[Mounted], timing: Timing, timeouts: RecoveryTimeouts, start_s: float
 ) -> AsyncGenerator[Sequence[RealSenseCamera]]:
     keepers = [

@@ -121,13 +121,13 @@ def climb(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> t
     if why := sight.death or _hung(sight, timeouts):
         return _to_replace(ladder, sight, why, timeouts)
     if ladder.phase == "streaming":
-        return _watched(ladder, sight, timeouts)
+        return _watch_images(ladder, sight, timeouts)
     if ladder.phase == "waiting":
         return _again(ladder, sight)
     return _wait(ladder, sight, timeouts)
 
 
-def _watched(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _watch_images(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
     """Watch incoming images; take the first step when they stop."""
     late = sight.now_s - sight.image_s > timeouts.late_s
     if late or sight.step == "failed":
@@ -144,13 +144,15 @@ def _wait(ladder: Ladder, sight: CaptureStatus, timeouts: RecoveryTimeouts) -> t
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
     given_s = timeouts.reset_s if ladder.phase == "resetting" else timeouts.open_s
     if sight.step == "failed":
-        return _failed(ladder, sight, sight.failure, timeouts)
+        return _after_failure(ladder, sight, sight.failure, timeouts)
     if sight.now_s - ladder.since_s > given_s:
-        return _failed(ladder, sight, f"no image came within {given_s:.0f} s", timeouts)
+        return _after_failure(ladder, sight, f"no image came within {given_s:.0f} s", timeouts)
     return ladder, None
 
 
-def _failed(ladder: Ladder, sight: CaptureStatus, why: str, timeouts: RecoveryTimeouts) -> tuple[Ladder, Action | None]:
+def _after_failure(
+    ladder: Ladder, sight: CaptureStatus, why: str, timeouts: RecoveryTimeouts
+) -> tuple[Ladder, Action | None]:
     """Take the step after a failed one. A camera that never worked is not reset: another program may be using it."""
     here = replace(ladder, since_s=sight.now_s, why=why)
     if sight.absent:

@@ -84,7 +84,7 @@ class Stream:
             arrival = ClockReading.now()
             if there and self._to_drop == 0:
                 return self._shot(frames, arrival)
-            ended = not there and self._ended()
+            ended = not there and self._has_ended()
         except RuntimeError as error:
             raise DeviceError(f"The camera failed: {error}.") from error
         if ended:
@@ -106,7 +106,7 @@ class Stream:
             arrival=arrival,
         )
 
-    def _ended(self) -> bool:
+    def _has_ended(self) -> bool:
         stopped = self._rs.playback_status.stopped
         return bool(self._device.is_playback() and self._device.as_playback().current_status() == stopped)
 

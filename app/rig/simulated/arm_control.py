@@ -85,13 +85,13 @@ class ArmControl:
         before = self.measured
         self.measured = whole(self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S))
         self.velocity = (self.measured - before)[:3] / duration_s
-        if self._path is not None and self._path.at_rest and self._arrived():
+        if self._path is not None and self._path.at_rest and self._has_arrived():
             self._path = None
             self.mode = "stopped" if self.mode == "stopping" else "idle"
 
     def close(self) -> None:
         """Release nothing: there are no resources."""
 
-    def _arrived(self) -> bool:
+    def _has_arrived(self) -> bool:
         away, speed = np.abs(self.measured - self.commanded).max(), np.linalg.norm(self.velocity)
         return bool(away < _ARRIVED_M and speed < _STILL_M_S)

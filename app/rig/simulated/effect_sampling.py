@@ -55,7 +55,7 @@ def draw(requests: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffec
     rng = np.random.default_rng([seed, _DRAWS])
     return tuple(
         InjectedEffect(name=name, effect=effect, values=effect.draw(size, rng))
-        for name, effect, size in _found(requests)
+        for name, effect, size in _requested_effects(requests)
     )
 
 
@@ -101,7 +101,7 @@ def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
     ]
 
 
-def _found(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
+def _requested_effects(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
     files = known()
     names = [request.name for request in requests]
     for request in sorted(requests, key=lambda request: request.name):

@@ -119,7 +119,7 @@ def simulated_rig(
         seed=seed,
         held=held,
     )
-    return _opened(scene, site)
+    return _open_rig(scene, site)
 
 
 @final
@@ -177,7 +177,7 @@ class _Processes:
 
 
 @asynccontextmanager
-async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
+async def _open_rig(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
     processes = await to_thread.run_sync(_Processes, scene, site)
     try:
         await to_thread.run_sync(processes.start)

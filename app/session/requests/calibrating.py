@@ -135,7 +135,7 @@ class Calibrating:
         frame = await self._newer(target, self._clock.now())
         seen = await self._worker.run(sight, frame.color, target.board, target.lens)
         after = await self._rig.arm.state()
-        if _moved(before, after):
+        if _has_moved(before, after):
             raise DeviceError("The arm moved while the view was taken; let it rest, and take it again.")
         return CalibrationView(sight=seen, T_world_gripper=_transform(before))
 
@@ -189,7 +189,7 @@ class Calibrating:
             self._announcer.fault("calibration", error)
             return
         if self._target is target:
-            self._announcer.say(_told(frame, seen, why, target))
+            self._announcer.say(_board_message(frame, seen, why, target))
 
     def _say(self, target: Target, *, said: str = "", under_way: bool = True) -> None:
         assessed = self._assessed
@@ -200,9 +200,9 @@ class Calibrating:
                 time_s=self._clock.now(),
                 camera=target.serial,
                 under_way=under_way,
-                views=_taken(assessed) if assessed else (),
+                views=_taken_views(assessed) if assessed else (),
                 spread=(assessed.spread,) if assessed else (),
-                placed=_placed(assessed, target) if assessed else (),
+                placed=_placements(assessed, target) if assessed else (),
                 checked=self._checked,
                 next_pose=_pose(best.T_world_gripper)[None] if best else np.zeros((0, 7)),
                 promised_m=best.promised_m if best else float("nan"),
@@ -212,7 +212,7 @@ class Calibrating:
         )
 
 
-def _told(frame: Frame, seen: BoardDetection | None, why: str, target: Target) -> BoardSeen:
+def _board_message(frame: Frame, seen: BoardDetection | None, why: str, target: Target) -> BoardSeen:
     middle = np.array([*target.board.size_m, 0.0]) / 2
     place = seen.T_camera_board[:3, :3] @ middle + seen.T_camera_board[:3, 3] if seen else np.full(3, np.nan)
     return BoardSeen(
@@ -227,7 +227,7 @@ def _told(frame: Frame, seen: BoardDetection | None, why: str, target: Target) -
     )
 
 
-def _taken(assessed: Assessment) -> tuple[TakenView, ...]:
+def _taken_views(assessed: Assessment) -> tuple[TakenView, ...]:
     solved, count = assessed.solved, len(assessed.tilts_deg)
     nothing = np.full(count, np.nan)
     px, m, deg = (solved.refined.error_px, solved.view_error_m, solved.view_error_deg) if solved else (nothing,) * 3
@@ -244,7 +244,7 @@ def _taken(assessed: Assessment) -> tuple[TakenView, ...]:
     )
 
 
-def _placed(assessed: Assessment, target: Target) -> tuple[Placed, ...]:
+def _placements(assessed: Assessment, target: Target) -> tuple[Placed, ...]:
     if assessed.solved is None:
         return ()
     found = assessed.solved.found
@@ -268,6 +268,6 @@ def _pose(T: Transform) -> np.ndarray:
     return np.concatenate([T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True, scalar_first=True)])
 
 
-def _moved(before: ArmState, after: ArmState) -> bool:
+def _has_moved(before: ArmState, after: ArmState) -> bool:
     by = inverse(_transform(before)) @ _transform(after)
     return float(np.linalg.norm(by[:3, 3])) > _STILL_M or float(angle(by[:3, :3])) > float(_STILL_RAD)

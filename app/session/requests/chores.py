@@ -92,9 +92,9 @@ class Chores:
         parts = self._parts
         if request.act != "discard":
             await rested(parts.rig.arm, parts.site.timing, parts.clock, acts=lambda: self._stages.acts)
-        await parts.demonstrating.asked(request, self._known)
+        await parts.demonstrating.asked(request, self._opening_messages)
 
-    def _known(self) -> list[Message]:
+    def _opening_messages(self) -> list[Message]:
         """Messages at the beginning of a recording that make it complete by itself."""
         parts, goal = self._parts, self._store.state.config.goal
         frames = [channel.value for channel in parts.sensing.frames.values()]

@@ -41,7 +41,7 @@ def checked(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Sim
         if broken is None:
             return end
         case = single(setup, phi, state, tool, known, candidate=broken[0])
-        raise _failed(case, folder, broken[0], phi.shape[0])
+        raise _candidate_error(case, folder, broken[0], phi.shape[0])
 
     return simulate_checked
 
@@ -65,12 +65,12 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
         if broken is None:
             return end
         case = single_rod(setup, physics, state, tool, own, known, candidate=broken[0])
-        raise _failed(case, folder, broken[0], len(tool))
+        raise _candidate_error(case, folder, broken[0], len(tool))
 
     return simulate_checked
 
 
-def _failed(case: MpmCase | RodCase, folder: Path, candidate: int, count: int) -> SimulationError:
+def _candidate_error(case: MpmCase | RodCase, folder: Path, candidate: int, count: int) -> SimulationError:
     """The error of a candidate that did not stay finite, whose dump is left in `folder`."""
     path = leave_dump(folder, Dump(case=case, about=f"candidate {candidate} of {count}"))
     return SimulationError(

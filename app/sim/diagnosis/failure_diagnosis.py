@@ -144,7 +144,7 @@ def dissect(case: MpmCase) -> FailureDiagnosis[SimulationTrace, State]:
         objection=objection,
         faults=tuple(sorted(faults.values(), key=lambda fault: fault.step)),
         advice=ADVICE,
-        trace=_joined(rows),
+        trace=_join_traces(rows),
         last=last,
     )
 
@@ -190,7 +190,7 @@ def _faults(case: MpmCase, states: State, at: int, count: int) -> Iterator[Simul
     """The first fault of each kind among the first `count` states, and what broke the one after them."""
     scene = case.setup.scene
     x = np.asarray(states.x)[:count]
-    speed, volume = _measured(_rows(states, slice(count)))
+    speed, volume = _speeds_and_volumes(_rows(states, slice(count)))
     cells = speed * scene.dt_s / scene.cell_m
     if found := first(cells >= 1):
         text = f"moves at {speed[found]:.4g} m/s, {cells[found]:.3g} cells a substep"
@@ -212,14 +212,14 @@ def _fault(kind: Kind, at: int, found: tuple[int, ...], text: str) -> Simulation
     return SimulationFault.after(kind, substep, particle, f"particle {particle} {text}")
 
 
-def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
+def _speeds_and_volumes(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
     """Speeds and relative volumes of finite states; in double precision, where large ones do not overflow."""
     v, F = np.asarray(states.v, np.float64), np.asarray(states.F, np.float64)
     return np.linalg.norm(v, axis=-1), np.linalg.det(F)
 
 
 def _trace(case: MpmCase, states: State) -> SimulationTrace:
-    speed, volume = _measured(states)
+    speed, volume = _speeds_and_volumes(states)
     scene, fastest = case.setup.scene, speed.max(axis=1, initial=0)
     return SimulationTrace(
         speed_m_s=fastest,
@@ -230,7 +230,7 @@ def _trace(case: MpmCase, states: State) -> SimulationTrace:
     )
 
 
-def _joined(rows: list[SimulationTrace]) -> SimulationTrace:
+def _join_traces(rows: list[SimulationTrace]) -> SimulationTrace:
     def column(name: str, kind: type) -> np.ndarray:
         return np.concatenate([np.zeros(0, kind), *(getattr(row, name) for row in rows)])
 

@@ -46,7 +46,7 @@ def law_source(effects: Sequence[Effect], walls: int = 0, *, flat: bool = False)
     """
     laws = [_law(f"Law{number}", effect, rod) for number, (effect, rod) in enumerate(_lawful(effects))]
     names = [f"Law{number}" for number in range(len(laws))] + ["BoxWall"] * walls
-    uneven = any(rod.lightens for _, rod in _known(effects))
+    uneven = any(rod.lightens for _, rod in _rod_effects(effects))
     if not (names or uneven or flat):
         return ""
     flags = f"#define ROD_UNEVEN {_flag(uneven)}\n#define ROD_FLAT {_flag(flat)}\n"
@@ -59,7 +59,9 @@ def law_numbers(
 ) -> list[Float[jax.Array, "B _"]]:
     """The numbers of these effects' laws, in the order of their list."""
     parts = _parts(effects, phi)
-    return [rod.numbers(own, context) for (_, rod), own in zip(_known(effects), parts, strict=True) if rod.has_law]
+    return [
+        rod.numbers(own, context) for (_, rod), own in zip(_rod_effects(effects), parts, strict=True) if rod.has_law
+    ]
 
 
 def wall_numbers(walls: Sequence[Wall], rougher: Float[jax.Array, " B"]) -> list[Float[jax.Array, "B 5"]]:
@@ -76,18 +78,18 @@ def changed_properties(
     effects: Sequence[Effect], properties: RodProperties, phi: Float[jax.Array, "B P"], context: RodContext
 ) -> RodProperties:
     """Properties as changed by these effects, one after the other."""
-    for (_, rod), own in zip(_known(effects), _parts(effects, phi), strict=True):
+    for (_, rod), own in zip(_rod_effects(effects), _parts(effects, phi), strict=True):
         if rod.properties is not None:
             properties = rod.properties(properties, context, own)
     return properties
 
 
-def _known(effects: Sequence[Effect]) -> Iterator[tuple[Effect, RodEffect]]:
+def _rod_effects(effects: Sequence[Effect]) -> Iterator[tuple[Effect, RodEffect]]:
     return ((effect, effect.rod) for effect in effects if effect.rod is not None)
 
 
 def _lawful(effects: Sequence[Effect]) -> Iterator[tuple[Effect, RodEffect]]:
-    return ((effect, rod) for effect, rod in _known(effects) if rod.has_law)
+    return ((effect, rod) for effect, rod in _rod_effects(effects) if rod.has_law)
 
 
 def _parts(effects: Sequence[Effect], phi: Float[jax.Array, "B P"]) -> list[jax.Array]:

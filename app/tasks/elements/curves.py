@@ -44,13 +44,13 @@ class CurveSampler:
                 workspace=self.workspace,
                 margin_m=self.margin_m,
             )
-            goal = self._moved(rng, start)
+            goal = self._random_goal(rng, start)
             gap_m = float(np.sqrt(chamfer_m2(start, goal) / 2))
             if self._inside(goal) and self.gap_m[0] <= gap_m <= self.gap_m[1]:
                 return start, goal
         raise ValueError(f"No goal within reach in {_TRIES} tries; widen {self}.")
 
-    def _moved(
+    def _random_goal(
         self, rng: np.random.Generator, start: Float64[np.ndarray, "points 3"]
     ) -> Float64[np.ndarray, "points 3"]:
         steps = np.diff(start[:, :2], axis=0)

@@ -36,12 +36,12 @@ class SoupProblems:
     def start(self, seed: int) -> Nodes:
         """The soup in the held bowl, its pieces in any order."""
         rng = np.random.default_rng([seed, 1])
-        return self._laid(self.held.radius_m, rng) + self.home_m + aside_m(seed)
+        return self._bowl_nodes(self.held.radius_m, rng) + self.home_m + aside_m(seed)
 
     def goal(self, seed: int, particle_count: int) -> Points:
         """The soup at rest in the other bowl, wherever its pieces are."""
         rng = np.random.default_rng([seed, 2])
-        return self.particles(self._laid(self.target.radius_m, rng) + self.target.place_m, particle_count)
+        return self.particles(self._bowl_nodes(self.target.radius_m, rng) + self.target.place_m, particle_count)
 
     def particles(self, nodes: Nodes, particle_count: int) -> Points:
         """The liquid's and then the pieces', each sharing the world's."""
@@ -49,7 +49,7 @@ class SoupProblems:
         parts = zip((nodes[:drops], nodes[drops:]), self.seen.split(particle_count), strict=True)
         return np.concatenate([resample(part.astype(np.float32), count, seed=0) for part, count in parts])
 
-    def _laid(self, radius_m: float, rng: np.random.Generator) -> Nodes:
+    def _bowl_nodes(self, radius_m: float, rng: np.random.Generator) -> Nodes:
         """Nodes in a bowl about the origin: pieces under the surface, and the liquid around them."""
         soup = self.soup
         level = cap_depth_m(soup.volume_m3, radius_m) - radius_m

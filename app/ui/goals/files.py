@@ -52,7 +52,7 @@ def points_of(files: Mapping[str, bytes]) -> Cloud:
 
 def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
     """The colour and the depth picture of the two files, in either order. Raises UsageError where they are not such."""
-    opened = {name: _opened(name, data) for name, data in files.items()}
+    opened = {name: _open_picture(name, data) for name, data in files.items()}
     depth = [image for image in opened.values() if image.mode in _DEPTH_MODES]
     color = [image for image in opened.values() if image.mode not in _DEPTH_MODES]
     if len(depth) != 1 or len(color) != 1:
@@ -80,7 +80,7 @@ def _vertices(data: bytes) -> np.ndarray:
     return np.asarray(getattr(loaded, "vertices", np.zeros((0, 3))))
 
 
-def _opened(name: str, data: bytes) -> Image.Image:
+def _open_picture(name: str, data: bytes) -> Image.Image:
     """A picture with only its size read. Raises UsageError where it is not one, or too large."""
     try:
         image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))

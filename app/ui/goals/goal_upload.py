@@ -44,14 +44,16 @@ class GoalUpload:
         sent = [each for each in form.getall("files", []) if isinstance(each, web.FileField)][: _MOST_FILES + 1]
         try:
             async with self._one_at_a_time:
-                asked = await to_thread.run_sync(self._asked, operator, str(form.get("camera", "")), sent)
+                asked = await to_thread.run_sync(self._goal_request, operator, str(form.get("camera", "")), sent)
         except UsageError as error:
             return web.Response(text=str(error))
         if not self._controller.ask(asked):
             return web.Response(text="Not done; the messages say why.")
         return web.Response(text="Sent; the messages say what came of it.")
 
-    def _asked(self, operator: str, camera: str, sent: Sequence[web.FileField]) -> GoalRequest | PictureGoalRequest:
+    def _goal_request(
+        self, operator: str, camera: str, sent: Sequence[web.FileField]
+    ) -> GoalRequest | PictureGoalRequest:
         """Request for the goal in the files. Raises UsageError where they are invalid."""
         # Two pictures of a camera may have one name, in folders of their own.
         files = {f"{index} {each.filename}": each.file.read() for index, each in enumerate(sent)}

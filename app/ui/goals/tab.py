@@ -63,7 +63,7 @@ class GoalTab:
         self._gizmo = server.scene.add_transform_controls(
             DRAFT, scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
         )
-        self._gizmo.on_update(self._dragged)
+        self._gizmo.on_update(self._on_drag)
         self._line: viser.LineSegmentsHandle | None = None
 
     def paint(self, board: ConsoleState) -> None:
@@ -99,7 +99,7 @@ class GoalTab:
         self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
         self._server.scene.remove_click_callback("all")
         if kind == "curve":
-            self._server.scene.on_click()(self._clicked)
+            self._server.scene.on_click()(self._on_click)
 
     def _choose(self, kind: Kind) -> None:
         seen = self._controller.board.particles
@@ -116,11 +116,11 @@ class GoalTab:
             self._draft = changed(self._draft)
         self._controller.changed.set()
 
-    def _dragged(self, event: viser.TransformControlsEvent) -> None:
+    def _on_drag(self, event: viser.TransformControlsEvent) -> None:
         (w, _, _, z), (x_m, y_m, _) = event.target.wxyz, event.target.position
         self._change(place=(float(x_m), float(y_m)), turn_rad=2 * math.atan2(float(z), float(w)))
 
-    def _clicked(self, event: viser.SceneClickEvent) -> None:
+    def _on_click(self, event: viser.SceneClickEvent) -> None:
         place = on_table(event.ray_origin, event.ray_direction)
         if place is not None:
             self._redraw(lambda draft: draft.with_point(*place))

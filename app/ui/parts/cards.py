@@ -34,7 +34,7 @@ def mode(board: ConsoleState, now_s: float) -> str:
 
 def _mode(board: ConsoleState, now_s: float) -> tuple[str, str, Tone]:
     if board.replay:
-        return _replayed(board)
+        return _replay_activity(board)
     health = board.health
     doing = words.sentence(health.doing) if health else "Starting"
     if board.fatal is not None:
@@ -71,7 +71,7 @@ def mode_name(board: ConsoleState) -> str:
     return f"{name}: {words.motions(board.mode.motions)} more" if board.mode.mode == "automatic" else name
 
 
-def _replayed(board: ConsoleState) -> tuple[str, str, Tone]:
+def _replay_activity(board: ConsoleState) -> tuple[str, str, Tone]:
     """Activity of the program at that time, which needs no action now."""
     doing = words.sentence(board.health.doing) if board.health else "Recorded without a word on what was being done"
     if board.fatal is not None:

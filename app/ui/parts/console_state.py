@@ -196,7 +196,7 @@ class ConsoleState:
             case Approved() | ApprovalRecord():
                 return replace(self, expected=None)
             case Transition():
-                return self._learned(message)
+                return self._with_result(message)
             case EditRequest():
                 up = self.pending is not None and self.pending.id == message.proposal_id
                 return replace(self, edit=message) if up else self
@@ -227,7 +227,7 @@ class ConsoleState:
             case Placing():
                 return replace(self, placing=message)
             case Notice() | Fault():
-                return self._logged(message)
+                return self._with_log_entry(message)
             case _:
                 return self
 
@@ -235,7 +235,7 @@ class ConsoleState:
         """The board with that proposal open to decision."""
         return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
 
-    def _learned(self, message: Transition) -> "ConsoleState":
+    def _with_result(self, message: Transition) -> "ConsoleState":
         """The board with the result of the last motion. A jogged one has no prediction: it was not approved."""
         expected = self.shown.chosen.predicted if self.shown and message.executed.cause else None
         if expected is None:
@@ -256,7 +256,7 @@ class ConsoleState:
             return replace(self, decided=decided)
         return replace(self, decided=decided, pending=None, edit=None)
 
-    def _logged(self, message: Notice | Fault) -> "ConsoleState":
+    def _with_log_entry(self, message: Notice | Fault) -> "ConsoleState":
         """The board with the message in the log; one that names the pending proposal as its cause withdraws it."""
         edit = None if message.where == EDITED else self.edit
         board = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)

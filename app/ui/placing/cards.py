@@ -33,16 +33,17 @@ def live(board: ConsoleState) -> str:
             '<div class="dp"><small>Fix the printed board in the gripper, choose the camera, give the sizes as '
             "measured, and begin. Views are taken in the modes Idle and By hand.</small></div>"
         )
-    return f'<div class="dp">{_seen(board.board_seen, placing.camera)}<p role="status">{escape(placing.said)}</p></div>'
+    seen = _board_text(board.board_seen, placing.camera)
+    return f'<div class="dp">{seen}<p role="status">{escape(placing.said)}</p></div>'
 
 
 def result(placing: Placing | None, today: date) -> str:
     """Card of the views with their residuals, their pose diversity, and the resulting camera pose."""
     if placing is None:
         return ""
-    parts = [_kept(placing, today)]
+    parts = [_camera_table(placing, today)]
     if placing.views:
-        parts += [_views(placing), _spread(placing)]
+        parts += [_views(placing), _spread_section(placing)]
     if placing.placed:
         parts.append(_place(placing))
     if len(placing.next_pose):
@@ -62,7 +63,7 @@ def mark(image: ColourImage, seen: BoardSeen | None) -> UInt8[np.ndarray, "rows 
     return small
 
 
-def _seen(seen: BoardSeen | None, camera: str) -> str:
+def _board_text(seen: BoardSeen | None, camera: str) -> str:
     if seen is None or seen.camera != camera:
         return "<p>Waiting for a picture of this camera.</p>"
     if not len(seen.corners):
@@ -73,7 +74,7 @@ def _seen(seen: BoardSeen | None, camera: str) -> str:
     )
 
 
-def _kept(placing: Placing, today: date) -> str:
+def _camera_table(placing: Placing, today: date) -> str:
     rows = [("Camera", escape(placing.camera)), ("Calibrated or checked", _age(placing.kept_at, today))]
     for checked in placing.checked:
         text = f"{_MM * checked.moved_m:.1f} mm, {checked.turned_deg:.2f}°"
@@ -104,7 +105,7 @@ def _views(placing: Placing) -> str:
     return f"<h3>Views</h3><table>{rows}</table>"
 
 
-def _spread(placing: Placing) -> str:
+def _spread_section(placing: Placing) -> str:
     told = "".join(
         f"<p>Turned by {_turn(spread.turns_deg[0])} and {_turn(spread.turns_deg[1])} "
         f"about the two main axes, moved by {_MM * spread.shifts_m[0]:.0f} mm.</p>"

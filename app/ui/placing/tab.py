@@ -44,8 +44,8 @@ class PlacingTab:
         begin.on_click(lambda event: self._ask(event, "begin"))
         self._views = gui.add_button_group("View", (_TAKE, _DROP), visible=False)
         self._ends = gui.add_button_group("Result", (_CHECK, _KEEP, _END), visible=False)
-        self._views.on_click(self._pressed)
-        self._ends.on_click(self._pressed)
+        self._views.on_click(self._on_press)
+        self._ends.on_click(self._on_press)
         self._image = gui.add_image(np.zeros((2, 2, 3), np.uint8), format="jpeg", jpeg_quality=_QUALITY, visible=False)
         self._result = Text(gui, "")
         self._next = server.scene.add_frame("/calibration/next", axes_length=_AXES_M, axes_radius=0.002, visible=False)
@@ -80,7 +80,7 @@ class PlacingTab:
         if placing is not None and shown:
             self._next.position, self._next.wxyz = placing.next_pose[0, :3], placing.next_pose[0, 3:]
 
-    def _pressed(self, event: viser.GuiEvent[Any]) -> None:
+    def _on_press(self, event: viser.GuiEvent[Any]) -> None:
         if event.target.value in _ACTS:  # A page may say anything.
             self._ask(event, _ACTS[event.target.value])
 

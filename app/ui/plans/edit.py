@@ -73,13 +73,13 @@ class EditForm:
         if draft and (wanted is None or draft.index != wanted.at):
             self._put_away(draft)
         if wanted and self._draft is None:
-            self._draft = self._begun(wanted)
+            self._draft = self._begin_edit(wanted)
         disabled = self._draft is None or board.edit is not None
         if self._simulate.disabled != disabled:
             self._simulate.disabled = disabled
         self._draw()
 
-    def _begun(self, look: PreviewState) -> MotionEdit:
+    def _begin_edit(self, look: PreviewState) -> MotionEdit:
         way = look.branch.tool_path.astype(np.float64)
         start, end = (
             self._scene.add_transform_controls(

@@ -167,11 +167,11 @@ class Proxy:
             return web.Response(status=503, text="Too many browsers at a time.", headers=_HEADERS)
         self._browsers += 1
         try:
-            return await self._joined(request, self._session)
+            return await self._relay(request, self._session)
         finally:
             self._browsers -= 1
 
-    async def _joined(self, request: web.Request, session: aiohttp.ClientSession) -> web.StreamResponse:
+    async def _relay(self, request: web.Request, session: aiohttp.ClientSession) -> web.StreamResponse:
         offered = re.split(r",\s*", request.headers.get("Sec-WebSocket-Protocol", ""))
         async with session.ws_connect(f"ws://{self._viser}/", protocols=offered, max_msg_size=0) as viser:
             browser = web.WebSocketResponse(

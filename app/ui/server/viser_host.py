@@ -33,7 +33,7 @@ class ViserHost:
     """A running viser server behind a passphrase. Blocks while starting and stopping; use it from a thread."""
 
     def __init__(self, *, label: str, passphrase: str) -> None:
-        with _muted(threading.get_ident()):
+        with _mute(threading.get_ident()):
             self.server = _Unshared(host="127.0.0.1", port=0, label=label, verbose=False)
         self._passphrase = passphrase
         websockets = self.server._websock_server
@@ -50,7 +50,7 @@ class ViserHost:
     def close(self) -> None:
         """Stop serving."""
         thread = asyncio.run_coroutine_threadsafe(_current_thread(), self.server.get_event_loop()).result()
-        with _muted(thread):
+        with _mute(thread):
             self.server.stop()
 
     def takes(self, data: bytes) -> bool:
@@ -110,7 +110,7 @@ async def _current_thread() -> int:
 
 
 @contextmanager
-def _muted(thread: int) -> Generator[None]:
+def _mute(thread: int) -> Generator[None]:
     """Drop the output of one thread: viser announces its own port, which is not the operator's."""
     with redirect_stdout(cast(TextIO, _Without(thread, sys.stdout))):
         yield

@@ -41,7 +41,7 @@ class DemonstrationForm:
         self._start = gui.add_button("Start a demonstration", color="red", icon=viser.Icon.PLAYER_RECORD)
         self._start.on_click(lambda event: self._ask(event, "start"))
         self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
-        self._end.on_click(self._pressed)
+        self._end.on_click(self._on_press)
         clip = gui.add_button(f"Save the last {_CLIP_S:.0f} seconds", color="gray", icon=viser.Icon.HISTORY)
         clip.on_click(self._keep)
 
@@ -54,7 +54,7 @@ class DemonstrationForm:
             self._end.visible = board.demonstrating
             self._start.visible = not board.demonstrating
 
-    def _pressed(self, event: viser.GuiEvent[Any]) -> None:
+    def _on_press(self, event: viser.GuiEvent[Any]) -> None:
         if event.target.value in _ACTS:  # A page may say anything.
             self._ask(event, _ACTS[event.target.value])
 

@@ -17,7 +17,7 @@ def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
     RecordingError where it is not a model. Any user of the page may name files, so no other file is ever opened.
     """
     inside = folder.resolve()
-    path = _found(inside, named.strip())
+    path = _find_file(inside, named.strip())
     if path is None:
         raise UsageError(f"{named!r} is no model of this folder; give a .toml file within {inside}.")
     if path.stat().st_size > _MOST_BYTES:
@@ -25,7 +25,7 @@ def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
     return load_model(path, task=task, time_s=time_s, whole=False)
 
 
-def _found(folder: Path, named: str) -> Path | None:
+def _find_file(folder: Path, named: str) -> Path | None:
     """The plain .toml file of that name within the folder, with links resolved."""
     try:
         path = (folder / named).resolve()

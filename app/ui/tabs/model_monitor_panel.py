@@ -31,16 +31,16 @@ def watch(board: ConsoleState) -> str:
     said, tone = _state(seen)
     parts = [f'<p class="{tone}"><b>{escape(said)}</b></p>', table(_watch_rows(seen))]
     if seen.state == "wrong":
-        parts.append(_suspected(seen))
+        parts.append(_suspicion_section(seen))
     return f'<div class="dp dp-doubt">{"".join(parts)}</div>'
 
 
 def _state(seen: Watched) -> tuple[str, str]:
     match seen.state:
         case "learning":
-            return f"Learning what is usual, {_counted(seen.pushes)} so far", ""
+            return f"Learning what is usual, {_count_text(seen.pushes)} so far", ""
         case "right":
-            return f"Right so far, {_counted(seen.pushes)}", "dp-good"
+            return f"Right so far, {_count_text(seen.pushes)}", "dp-good"
         case "wrong":
             return f"Has stopped being right, it seems since push {seen.since}", "dp-bad"
 
@@ -55,7 +55,7 @@ def _watch_rows(seen: Watched) -> Iterable[tuple[str, str]]:
         yield "Evidence against it", f"{evidence} <small title='{limit}'>of an alarm</small>"
 
 
-def _suspected(seen: Watched) -> str:
+def _suspicion_section(seen: Watched) -> str:
     listed = "".join(f"<li>{escape(words.sentence(text))}.</li>" for text in seen.suspicions)
     suspected = f"<ul>{listed}</ul>" if listed else "<p>Nothing stands out.</p>"
     to_know = f"<p>To know, end this session and run</p><code>{escape(seen.advice)}</code>" if seen.advice else ""
@@ -93,7 +93,7 @@ def _cause(cause: Blamed, *, named: bool) -> tuple[str, str]:
     )
 
 
-def _counted(pushes: int) -> str:
+def _count_text(pushes: int) -> str:
     return "1 push" if pushes == 1 else f"{pushes} pushes"
 
 

@@ -74,8 +74,8 @@ class Versions:
             self._load = gui.add_button("Load", icon=viser.Icon.FILE_UPLOAD)
             self._answer = Text(gui, "")
         self._use.on_click(self._go_back)
-        self._load.on_click(self._loaded)
-        self._form.on_submit(self._loaded)
+        self._load.on_click(self._on_load)
+        self._form.on_submit(self._on_load)
 
     def paint(self, board: ConsoleState) -> None:
         """Offer the available versions."""
@@ -100,7 +100,7 @@ class Versions:
         if model is not None:
             self._controller.use_model(model, f"version {model.version}", operator=operator(event))
 
-    def _loaded(self, event: viser.GuiEvent[Any]) -> None:
+    def _on_load(self, event: viser.GuiEvent[Any]) -> None:
         """Read the file in this thread of viser's, which blocks nothing else."""
         episode, named = self._controller.board.episode, self._file.value
         if episode is None:

@@ -46,7 +46,7 @@ class ModeForm:
 
         motions.on_update(counted)
         start.on_click(automatic)
-        self._sure.on_click(self._confirmed)
+        self._sure.on_click(self._on_confirm)
 
     def paint(self, board: ConsoleState) -> None:
         """Withdraw the confirmation of an operator who has lost control."""
@@ -64,7 +64,7 @@ class ModeForm:
         self._sure.label = f"Yes: {words.motions(motions)} on the REAL arm, without approval"
         self._sure.visible = True
 
-    def _confirmed(self, event: viser.GuiEvent[Any]) -> None:
+    def _on_confirm(self, event: viser.GuiEvent[Any]) -> None:
         asked = self._asked
         if asked is not None and asked[0] == operator(event):
             self._asked = None

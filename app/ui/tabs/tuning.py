@@ -41,8 +41,8 @@ class Tuning:
             self._use = gui.add_button("Use these colours", icon=viser.Icon.CHECK, disabled=True)
             self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._near.on_update(lambda event: self._set(_around(event.target.value)))
-        self._use.on_click(self._submitted)
-        self._form.on_submit(self._submitted)
+        self._use.on_click(self._on_submit)
+        self._form.on_submit(self._on_submit)
         self._undo.on_click(self._undone)
 
     def paint(self, board: ConsoleState) -> ColourRange | None:
@@ -52,7 +52,7 @@ class Tuning:
             self._set(board.colours[-1])
         wanted = self.wanted if board.colours else None
         used = board.colours[-1] if board.colours else None
-        changed = wanted is not None and used is not None and wanted != _rounded(used)
+        changed = wanted is not None and used is not None and wanted != _round_to_steps(used)
         self._state.put(_state(used, wanted if changed else None))
         for button, disabled in ((self._use, not changed), (self._undo, len(board.colours) < 2)):
             if button.disabled != disabled:
@@ -69,13 +69,13 @@ class Tuning:
             return None
 
     def _set(self, colour: ColourRange) -> None:
-        near, low, high = _rounded(colour), *colour.hue_deg
+        near, low, high = _round_to_steps(colour), *colour.hue_deg
         self._red.value = low > high
         low, high = near.hue_deg
         self._hue.value = (min(low, high), max(low, high))
         self._saturation.value, self._value.value = near.saturation, near.value
 
-    def _submitted(self, event: viser.GuiEvent[Any]) -> None:
+    def _on_submit(self, event: viser.GuiEvent[Any]) -> None:
         wanted = self.wanted
         if wanted is not None:
             self._controller.use_colours(wanted, operator=operator(event))
@@ -97,7 +97,7 @@ def _ends(values: Sequence[float]) -> tuple[float, float]:
     return low, high
 
 
-def _rounded(colour: ColourRange) -> ColourRange:
+def _round_to_steps(colour: ColourRange) -> ColourRange:
     """The colours rounded to the sliders' steps."""
     hue = round(colour.hue_low_deg), round(colour.hue_high_deg)
     saturation = round(colour.saturation_low, 2), round(colour.saturation_high, 2)

@@ -61,7 +61,7 @@ def export(
         for index, (path, samples) in enumerate(sampled(paths, fps)):
             features = features or _features(samples)
             task = tasks.setdefault(samples.episode.task.replace("_", " "), len(tasks))
-            numbers = _numbers(samples, fps=fps, episode=index, first=steps, task=task, success=_succeeded(path))
+            numbers = _numbers(samples, fps=fps, episode=index, first=steps, task=task, success=_is_success(path))
             own = {f"{_IMAGE}{name}": [picture.jpeg for picture in of_one] for name, of_one in samples.pictures.items()}
             place = writer.write(numbers, own, features)
             rows.append(_row(index, samples, steps, place, numbers, own))
@@ -191,7 +191,7 @@ def _numbers(
     }
 
 
-def _succeeded(path: Path) -> bool:
+def _is_success(path: Path) -> bool:
     said = labels(path)
     return bool(said) and said[-1].said == "success"
 

@@ -60,7 +60,7 @@ def sample(path: Path, fps: int) -> Samples:
         state=np.concatenate([step.state for step in steps]).astype(np.float32),
         action=np.concatenate([step.action for step in steps]).astype(np.float32),
         object=_alike([seen[index].positions for index in newest], path),
-        goal=_alike([goals[index].positions for index in _pursued(goals, times)], path),
+        goal=_alike([goals[index].positions for index in _goal_indices(goals, times)], path),
         pictures={name: _pictures(of_one, times, path) for name, of_one in _by_camera(path).items()},
     )
 
@@ -88,7 +88,7 @@ def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[
     return found
 
 
-def _pursued(goals: Sequence[Goal], at_s: np.ndarray) -> Sequence[int]:
+def _goal_indices(goals: Sequence[Goal], at_s: np.ndarray) -> Sequence[int]:
     """Index of the goal at each moment; the first goal for moments before it."""
     dated_s = [goal.time_s for goal in goals]
     return [max(bisect_right(dated_s, moment) - 1, 0) for moment in at_s]

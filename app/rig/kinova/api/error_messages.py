@@ -177,12 +177,12 @@ def bits(bank: int) -> Iterator[int]:
 
 def faults(base: int, joints: tuple[int, ...], wrist: int) -> tuple[str, ...]:
     """Sentences on the faults in the banks; joints are counted from 1."""
-    said = [f"{_known(BASE_FAULTS, bit, 'the base has a fault')}" for bit in bits(base)]
+    said = [f"{_fault_text(BASE_FAULTS, bit, 'the base has a fault')}" for bit in bits(base)]
     for number, bank in enumerate(joints, start=1):
-        said += [f"joint {number} {_known(JOINT_FAULTS, bit, 'has a fault')}" for bit in bits(bank)]
-    said += [f"the wrist {_known(WRIST_FAULTS, bit, 'has a fault')}" for bit in bits(wrist)]
+        said += [f"joint {number} {_fault_text(JOINT_FAULTS, bit, 'has a fault')}" for bit in bits(bank)]
+    said += [f"the wrist {_fault_text(WRIST_FAULTS, bit, 'has a fault')}" for bit in bits(wrist)]
     return tuple(f"{each[0].upper()}{each[1:]}{'' if each.endswith('?') else '.'}" for each in said)
 
 
-def _known(words: Mapping[int, str], bit: int, otherwise: str) -> str:
+def _fault_text(words: Mapping[int, str], bit: int, otherwise: str) -> str:
     return words.get(bit, f"{otherwise} of number {bit} that is not known here")

@@ -89,7 +89,7 @@ class OfficialLink:
             raise LinkLost(self._lost)
         method, arguments = getattr(client, call.name), self._api.arguments(call, asked)
         options = self._api.options(call.timeout_s if timeout_s is None else timeout_s)
-        answer = self._answered(call, partial(method, *arguments, options=options))
+        answer = self._invoke(call, partial(method, *arguments, options=options))
         return decode(call.answered, answer.SerializeToString() if answer is not None else b"")
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:  # noqa: ARG002 - the port's
@@ -112,13 +112,13 @@ class OfficialLink:
             told.append(decode(topic.told, message.SerializeToString()))
 
         options = self._api.options(topic.call.timeout_s)
-        self._answered(topic.call, partial(method, keep, asked, options=options))
+        self._invoke(topic.call, partial(method, keep, asked, options=options))
 
     def told(self) -> list[object]:
         """Notifications since the last call, in order."""
         return [self._told.popleft() for _ in range(len(self._told))]
 
-    def _answered(self, call: Call[Any, Any], made: partial[Any]) -> Any:
+    def _invoke(self, call: Call[Any, Any], made: partial[Any]) -> Any:
         """Result of a call, with the client's errors converted to ours."""
         cyclic = call is REFRESH_FEEDBACK
         try:
@@ -157,7 +157,7 @@ class OfficialLink:
         asked = self._api.message("Session", "CreateSessionInfo")
         asked.ParseFromString(encode(info))
         create = CREATE_SESSION
-        self._answered(create, partial(sessions.CreateSession, asked, options=self._api.options(create.timeout_s)))
+        self._invoke(create, partial(sessions.CreateSession, asked, options=self._api.options(create.timeout_s)))
         self._ends.callback(router.SetActivationStatus, False)
         self._ends.callback(_quietly, partial(sessions.CloseSession, options=self._api.options(_CLOSE_S)))
         return router
@@ -169,7 +169,7 @@ def _quietly(end: Any) -> None:
         end()
 
 
-def _ignored(_: object) -> None:
+def _ignore_error(_: object) -> None:
     """Ignore a router's own errors: unanswered calls report the same."""
 
 
@@ -196,7 +196,7 @@ class _Api:
 
     def router(self, transport: Any) -> Any:
         """A router over a transport; its failures show as unanswered calls."""
-        return self._router(transport, _ignored)
+        return self._router(transport, _ignore_error)
 
     def stub(self, service: str, router: Any) -> Any:
         """The client of a service."""

@@ -91,12 +91,12 @@ class Router:
             self._send(call, asked, number)
             answer = future.result(timeout_s)
         except TimeoutError:
-            raise self._unanswered(call.name, timeout_s) from None
+            raise self._timeout_error(call.name, timeout_s) from None
         finally:
             with self._lock:
                 self._waiting.pop(number, None)
         if answer.error:
-            raise Refused(call.name, answer.error, answer.sub_error, _said(answer))
+            raise Refused(call.name, answer.error, answer.sub_error, _error_text(answer))
         return answer
 
     def _send(self, call: Call[Asked, Any], asked: Asked, number: int) -> None:
@@ -129,7 +129,7 @@ class Router:
         self._calls = self._calls % 0xFFFF + 1
         return self._calls
 
-    def _unanswered(self, call: str, timeout_s: float) -> NoAnswer:
+    def _timeout_error(self, call: str, timeout_s: float) -> NoAnswer:
         """Error of an unanswered call: on a stream the connection is lost; a datagram may have been."""
         error = NoAnswer(f"The arm did not answer {call} in {timeout_s:.2f} s.")
         if self._transport.reliable:
@@ -142,14 +142,14 @@ class Router:
             for frame in self._transport.frames():
                 self._unheard_since_s = math.inf
                 if frame.kind == FrameKind.RESPONSE:
-                    self._answered(frame)
+                    self._deliver(frame)
                 elif frame.kind == FrameKind.NOTIFICATION:
                     self.notifications.append(frame)
         except (LinkLost, WireError) as error:
             reason = str(error)
         self._lose(reason)
 
-    def _answered(self, frame: KortexFrame) -> None:
+    def _deliver(self, frame: KortexFrame) -> None:
         """Deliver an answer to its waiting call; late answers, and those to `tell`, are dropped.
 
         Raises LinkLost where the arm does not know this session any more: `tell` would not notice.
@@ -159,7 +159,7 @@ class Router:
         if future is not None:
             future.set_result(frame)
         elif frame.error and frame.service == Service.SESSION:
-            raise LinkLost(f"The arm has closed the session: {refusal(frame.sub_error, _said(frame))}")
+            raise LinkLost(f"The arm has closed the session: {refusal(frame.sub_error, _error_text(frame))}")
 
     def _lose(self, reason: str) -> LinkLost:
         """Record the first reason for the loss, and wake all waiting calls."""
@@ -172,7 +172,7 @@ class Router:
         return LinkLost(self.lost)
 
 
-def _said(answer: KortexFrame) -> str:
+def _error_text(answer: KortexFrame) -> str:
     """Text of an error reply, empty where it cannot be read."""
     try:
         return decode(ErrorReply, answer.payload).error_sub_string

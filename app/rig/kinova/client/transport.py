@@ -61,7 +61,7 @@ class TcpTransport:
     def frames(self) -> Iterator[KortexFrame]:
         """Received frames, in order. Raises WireError where the stream is of another protocol."""
         splitter = Splitter()
-        while (data := self._received()) is not None:
+        while (data := self._receive()) is not None:
             if not data:
                 if self._closed:
                     return
@@ -69,7 +69,7 @@ class TcpTransport:
             for each in splitter.feed(data):
                 yield decoded(each)
 
-    def _received(self) -> bytes | None:
+    def _receive(self) -> bytes | None:
         """Received bytes, empty where the peer has closed, None where this side has."""
         while not self._closed:
             try:

@@ -279,7 +279,7 @@ class FakeArm:
         if motion.cartesian:
             for number, zone in self.zones.items():
                 if inside(zone, gen3.tool(moved)[:3, 3]) and not inside(zone, gen3.tool(self.joints)[:3, 3]):
-                    self.told.append(_reached(number))
+                    self.told.append(_zone_notification(number))
                     raise Broken(ENTERING_ZONE)
         self.joints = moved
 
@@ -309,7 +309,7 @@ def _slow_down(waypoint: CartesianWaypoint, linear_m_s: float, angular_deg_s: fl
     )
 
 
-def _reached(number: int) -> ProtectionZoneNotification:
+def _zone_notification(number: int) -> ProtectionZoneNotification:
     return ProtectionZoneNotification(event=ZONE_REACHED, handle=Handle(identifier=number))
 
 

@@ -115,14 +115,14 @@ class Firmware:
         if (frame.service, frame.function) == (Service.SESSION, 1):
             return self._create_session(frame, address)
         if (session := self.sessions.get(frame.session)) is None:
-            return _failed(frame, SERVER_ERROR, NO_SESSION, "no such session")
+            return _error_reply(frame, SERVER_ERROR, NO_SESSION, "no such session")
         self.sessions.hear(session)
         if frame.service == Service.BASE and frame.function in _TOPICS:
             return _reply(frame, self._subscribe(session, frame.function))
         if (handler := self._handlers.get((frame.service, frame.function))) is None:
             known = frame.service in set(Service)
-            return _failed(frame, SERVER_ERROR, UNKNOWN_METHOD if known else UNKNOWN_SERVICE, "unknown")
-        return self._handled(frame, session, *handler, now_s)
+            return _error_reply(frame, SERVER_ERROR, UNKNOWN_METHOD if known else UNKNOWN_SERVICE, "unknown")
+        return self._dispatch(frame, session, *handler, now_s)
 
     def tick(self, duration_s: float) -> None:
         """Advance time: the arm moves, and silent sessions lose their motions."""
@@ -147,9 +147,9 @@ class Firmware:
         try:
             info = decode(SessionInfo, frame.payload)
         except WireError as error:
-            return _failed(frame, SERVER_ERROR, UNREADABLE, str(error))
+            return _error_reply(frame, SERVER_ERROR, UNREADABLE, str(error))
         if refused := self.sessions.refused(info):
-            return _failed(frame, SERVER_ERROR, refused, "")
+            return _error_reply(frame, SERVER_ERROR, refused, "")
         session = self.sessions.create(info, address)
         return _reply(dataclasses.replace(frame, session=session.number), Empty())
 
@@ -158,7 +158,7 @@ class Firmware:
         session.topics[function] = self._subscriptions
         return Handle(identifier=self._subscriptions)
 
-    def _handled(
+    def _dispatch(
         self,
         frame: KortexFrame,
         session: ArmSession,
@@ -169,7 +169,7 @@ class Firmware:
         try:
             asked = decode(call.asked, frame.payload)
         except WireError as error:
-            return _failed(frame, SERVER_ERROR, UNREADABLE, str(error))
+            return _error_reply(frame, SERVER_ERROR, UNREADABLE, str(error))
         refused = 0
         try:
             if call.name == self.arm.adversity.denies:
@@ -177,7 +177,7 @@ class Firmware:
             return _reply(frame, handler(asked, session.number) or Empty())
         except Rejected as denied:
             refused = denied.sub_code
-            return _failed(frame, DEVICE_ERROR, refused, "")
+            return _error_reply(frame, DEVICE_ERROR, refused, "")
         finally:
             if call.name in MOTIONS:
                 self.record.note(now_s, call.name, session.number, asked, refused)
@@ -340,7 +340,7 @@ def _reply(asked: KortexFrame, message: object) -> KortexFrame:
     )
 
 
-def _failed(asked: KortexFrame, code: int, sub_code: int, said: str) -> KortexFrame:
+def _error_reply(asked: KortexFrame, code: int, sub_code: int, said: str) -> KortexFrame:
     reply = _reply(asked, ErrorReply(error_code=code, error_sub_code=sub_code, error_sub_string=said))
     return dataclasses.replace(reply, error=code, sub_error=sub_code)
 

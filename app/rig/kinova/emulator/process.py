@@ -107,10 +107,10 @@ def run(control: Connection, states: Ring, udp_port: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Real firmware has a machine of its own: load on this one must not delay it.
     ask_for_real_time()
-    asyncio.run(_served(control, states, udp_port))
+    asyncio.run(_serve(control, states, udp_port))
 
 
-async def _served(control: Connection, states: Ring, udp_port: int) -> None:
+async def _serve(control: Connection, states: Ring, udp_port: int) -> None:
     server, over, loop = Server(Firmware(), states), asyncio.Event(), asyncio.get_running_loop()
     await server.open(udp_port)
 

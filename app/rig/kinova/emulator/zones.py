@@ -12,7 +12,7 @@ def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
     if not zone.is_enabled or (shape := zone.shape) is None:
         return False
     origin = shape.origin or Point()
-    local = _turned(shape) @ (position - np.array([origin.x, origin.y, origin.z]))
+    local = _rotation(shape) @ (position - np.array([origin.x, origin.y, origin.z]))
     sizes = np.array(shape.dimensions)
     match shape.shape_type:
         case ShapeType.SPHERE:
@@ -34,7 +34,7 @@ def well_formed(zone: ProtectionZone) -> bool:
     return len(sizes) == counts[zone.shape.shape_type] and bool((np.isfinite(sizes) & (sizes > 0)).all())
 
 
-def _turned(shape: ZoneShape) -> Float64[np.ndarray, "3 3"]:
+def _rotation(shape: ZoneShape) -> Float64[np.ndarray, "3 3"]:
     """Rotation from the base's axes to the zone's; identity where none is given."""
     if shape.orientation is None:
         return np.eye(3)

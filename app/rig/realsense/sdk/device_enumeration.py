@@ -36,10 +36,10 @@ def describe(rs: ModuleType, device: Any) -> Listed:
     info = rs.camera_info
     return Listed(
         device=device,
-        name=_said(device, info.name),
-        serial=_said(device, info.serial_number),
-        firmware=_said(device, info.firmware_version),
-        usb=_said(device, info.usb_type_descriptor),
+        name=_device_info(device, info.name),
+        serial=_device_info(device, info.serial_number),
+        firmware=_device_info(device, info.firmware_version),
+        usb=_device_info(device, info.usb_type_descriptor),
     )
 
 
@@ -69,5 +69,5 @@ def warning(listed: Listed) -> str:
     )
 
 
-def _said(device: Any, what: Any) -> str:
+def _device_info(device: Any, what: Any) -> str:
     return str(device.get_info(what)) if device.supports(what) else ""

@@ -107,8 +107,8 @@ class SoftwareCamera:
         """Show a pair of images, of the sizes of the imagers, exposed at `stamp_s` [s] of the calendar."""
         self._shown += 1
         stamp_s += self._body.read_out_s
-        self._put(self._depth, self._depth_profile, depth, stamp_s)
-        self._put(self._color, self._color_profile, color, stamp_s)
+        self._send_frame(self._depth, self._depth_profile, depth, stamp_s)
+        self._send_frame(self._color, self._color_profile, color, stamp_s)
 
     def _inform(self) -> None:
         info = self._rs.camera_info
@@ -144,7 +144,7 @@ class SoftwareCamera:
         extrinsics.translation = pose[:3, 3].tolist()
         return extrinsics
 
-    def _put(self, sensor: Any, profile: Any, image: np.ndarray, stamp_s: float) -> None:
+    def _send_frame(self, sensor: Any, profile: Any, image: np.ndarray, stamp_s: float) -> None:
         frame = self._rs.software_video_frame()
         frame.pixels = np.ascontiguousarray(image)
         frame.bpp = image.dtype.itemsize * (image.shape[2] if image.ndim == 3 else 1)

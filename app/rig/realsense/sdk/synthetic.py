@@ -40,12 +40,12 @@ def record(file: Path, body: CameraDescription, views: Iterable[ImagerPair]) -> 
     camera = SoftwareCamera(rs, body)
     try:
         with _recording(rs, file, camera.device):
-            return _shown(camera, views)
+            return _show_views(camera, views)
     except RuntimeError as error:
         raise RecordingError(f"{file} cannot be written: {error}.") from error
 
 
-def _shown(camera: SoftwareCamera, views: Iterable[ImagerPair]) -> int:
+def _show_views(camera: SoftwareCamera, views: Iterable[ImagerPair]) -> int:
     """Show each view when it is due; returns their number."""
     count, ahead_s = 0, 0.0
     for view in views:

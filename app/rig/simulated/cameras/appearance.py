@@ -66,14 +66,14 @@ def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
     """Surfaces in the cell at `snapshot`, the object first."""
     frames = link_frames(snapshot.joints)
     parts = kind_of(stage).surfaces(stage, snapshot.nodes)
-    parts += [_placed(rod, frames[rod.link]) for rod in RODS]
+    parts += [_rod_surface(rod, frames[rod.link]) for rod in RODS]
     parts += _tool(stage.tool, snapshot.tool, frames[7])
     for fixture in stage.fixtures:
         parts += _fixture(fixture)
     return parts
 
 
-def _placed(rod: TaperedRod, frame: Frame) -> Surface:
+def _rod_surface(rod: TaperedRod, frame: Frame) -> Surface:
     heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
     radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
     return turned(heights, radii, frame, rod.colour)

@@ -50,15 +50,15 @@ def run_cameras(
             shown_s = snapshot.time_s
             board = (held, _hand(arm, snapshot.time_s)) if held is not None else None
             for camera in cameras:
-                color, depth = _seen(snapshot, camera, rng, stage, board)
+                color, depth = _render_images(snapshot, camera, rng, stage, board)
                 if camera.name in depth_views:
-                    _, depth = _seen(snapshot, depth_views[camera.name], rng, stage, board)
+                    _, depth = _render_images(snapshot, depth_views[camera.name], rng, stage, board)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
         due = max(due + period_s, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))
 
 
-def _seen(
+def _render_images(
     snapshot: Snapshot,
     camera: CameraModel,
     rng: np.random.Generator,

@@ -57,7 +57,7 @@ def paint(
     outline = held.board.outline() @ T_camera_board[:3, :3].T + T_camera_board[:3, 3]
     if np.any(outline[:, 2] < _IN_FRONT_M):
         return color, depth
-    drawn, covers = _drawn(held.board, T_camera_board, camera)
+    drawn, covers = _draw_board(held.board, T_camera_board, camera)
     z = _depth(T_camera_board, camera)
     behind = (depth == 0) | (depth * camera.depth_unit_m > z - _IN_FRONT_M)
     shown = covers & behind
@@ -77,7 +77,7 @@ def _texture(board: Charuco) -> UInt8[np.ndarray, "h w"]:
     return np.asarray(made.generateImage((width, height)), np.uint8)
 
 
-def _drawn(
+def _draw_board(
     board: Charuco, T_camera_board: Transform, camera: CameraModel
 ) -> tuple[Float64[np.ndarray, "h w"], np.ndarray]:
     """Grey levels, and the mask of the pixels that the board covers wholly."""

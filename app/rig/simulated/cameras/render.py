@@ -87,7 +87,7 @@ def _background(camera: CameraModel) -> _Layer:
 
 def _with_moving(behind: _Layer, moving: list[Surface], camera: CameraModel) -> _Layer:
     """`behind` with the `moving` surfaces drawn where they are nearer."""
-    rows, columns = np.nonzero(_covered(moving, camera))
+    rows, columns = np.nonzero(_coverage_mask(moving, camera))
     rays = _rays(camera)[rows, columns]
     depth, normals, albedo = _cast(moving, camera, rays)
     seen = depth < behind.depth[rows, columns]
@@ -102,7 +102,7 @@ def _with_moving(behind: _Layer, moving: list[Surface], camera: CameraModel) -> 
     return layer
 
 
-def _covered(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "height width"]:
+def _coverage_mask(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "height width"]:
     """Mask of the pixels that the surfaces can cover: the hulls of their projected pieces, grown by a pixel."""
     mask = np.zeros((camera.height, camera.width), np.uint8)
     for surface in moving:

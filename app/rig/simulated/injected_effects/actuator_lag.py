@@ -16,7 +16,7 @@ _SETTLING = 5.0
 def _drive(track: Track, values: Values) -> Track:
     if values[0] == 0:
         return track
-    sampled = _prolonged(track, _SETTLING * float(values[0]))
+    sampled = _with_rest(track, _SETTLING * float(values[0]))
     parts = np.maximum(1, np.ceil(np.diff(sampled.times_s) / _STEP_S)).astype(int)
     x, positions = sampled.positions[0], [sampled.positions[0]]
     for index, count in enumerate(parts):
@@ -30,7 +30,7 @@ def _drive(track: Track, values: Values) -> Track:
     return sampled.moved(np.array(positions))
 
 
-def _prolonged(track: Track, by_s: float) -> Track:
+def _with_rest(track: Track, by_s: float) -> Track:
     """The same track, resting at its end for `by_s`."""
     period_s = float(track.times_s[-1] - track.times_s[-2])
     more = track.times_s[-1] + period_s * np.arange(1, int(np.ceil(by_s / period_s)) + 1)

@@ -6,7 +6,7 @@ from app.core.types import DepthImage
 from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
 
 
-def _seen(shot: SensorImages, values: Values) -> DepthImage:
+def _bias_depth(shot: SensorImages, values: Values) -> DepthImage:
     camera = shot.camera
     v, u = np.indices(shot.depth.shape)
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.K).T
@@ -18,5 +18,5 @@ HIDDEN = Hidden(
     family="sensing",
     quantities=(InjectedParameter(name="depth_bias", unit="m", typical=0.004, high=0.02),),
     draw=signed,
-    seen=_seen,
+    seen=_bias_depth,
 )

@@ -6,7 +6,7 @@ from app.core.types import DepthImage
 from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
 
 
-def _seen(shot: SensorImages, values: Values) -> DepthImage:
+def _scale_depth(shot: SensorImages, values: Values) -> DepthImage:
     return np.rint(shot.depth * (1.0 + values[0])).astype(np.uint16)
 
 
@@ -14,5 +14,5 @@ HIDDEN = Hidden(
     family="sensing",
     quantities=(InjectedParameter(name="depth_scale", unit="1", typical=0.008, high=0.05),),
     draw=signed,
-    seen=_seen,
+    seen=_scale_depth,
 )

@@ -17,7 +17,7 @@ _HALF_PX = 0.5
 """Distance from the centre of an edge pixel to the edge."""
 
 
-def _seen(shot: SensorImages, values: Values) -> DepthImage:
+def _erode_depth(shot: SensorImages, values: Values) -> DepthImage:
     wanted = np.array(shot.object_colour)
     colour = shot.color.astype(np.float64)
     strength = np.linalg.norm(colour, axis=-1)
@@ -33,5 +33,5 @@ HIDDEN = Hidden(
     family="sensing",
     quantities=(InjectedParameter(name="mask_erosion", unit="m", typical=0.0015, high=0.004),),
     draw=plain,
-    seen=_seen,
+    seen=_erode_depth,
 )

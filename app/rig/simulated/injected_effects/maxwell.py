@@ -5,7 +5,7 @@ import numpy as np
 from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
 
 
-def _relaxed(period_s: float, values: Values) -> float:
+def _relaxed_share(period_s: float, values: Values) -> float:
     return float(-np.expm1(-values[0] * period_s))
 
 
@@ -13,5 +13,5 @@ HIDDEN = Hidden(
     family="physics",
     quantities=(InjectedParameter(name="relaxation_rate", unit="1/s", typical=1.0, high=10.0),),
     draw=plain,
-    relaxed=_relaxed,
+    relaxed=_relaxed_share,
 )

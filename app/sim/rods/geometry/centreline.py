@@ -106,7 +106,7 @@ def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     starts = [resample_polyline(order, rope.count) for order in orders]
     if near is not None:
         starts.append(near - cloud.origin)
-    lines = _fitted(np.stack(starts), cloud, rope)
+    lines = _fit_lines(np.stack(starts), cloud, rope)
     lines, scores = _rank_lines(lines, _scores(lines, cloud, rope, near))
     if len(lines) > 1 or strands_touch(lines[0], rope):
         lines, scores = _with_reconnections(lines, scores, cloud, rope, near)
@@ -208,7 +208,7 @@ def _with_reconnections(
             break
         done.append(left[0])
         starts = [resample_polyline(line, rope.count) for line in reconnect(left[0], cloud, rope, _RECONNECTED)]
-        more = _fitted(np.stack(starts), cloud, rope)
+        more = _fit_lines(np.stack(starts), cloud, rope)
         every = np.concatenate([lines, more])
         lines, scores = _rank_lines(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
         if Trace(lines=lines, scores=scores, cloud=cloud, rope=rope).margin > _SURE:
@@ -216,7 +216,7 @@ def _with_reconnections(
     return lines, scores
 
 
-def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
+def _fit_lines(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
     lines = of_equal_steps(lines, rope.rest_m)
     for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
         along = balance_places(places(lines, cloud.at)[0], cloud.share, rope, balance)

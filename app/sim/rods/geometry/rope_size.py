@@ -80,7 +80,7 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
 
 def length_of_cloud(cloud: Cloud, radius_m: float) -> float:
     """Length [m] of the centreline of a rope of this radius, without its round ends."""
-    return max(_traced(cloud, radius_m).length_m - 2 * _ROUND_END * radius_m, 0.0)
+    return max(_trace_line(cloud, radius_m).length_m - 2 * _ROUND_END * radius_m, 0.0)
 
 
 def radius_of_cloud(cloud: Cloud) -> float:
@@ -91,7 +91,7 @@ def radius_of_cloud(cloud: Cloud) -> float:
     height = cloud[:, 2].astype(np.float64)
     top = float(np.quantile(height, _TOP))
     about_m = max(top / 2, _THINNEST_M)
-    beside = _traced(cloud, about_m).beside(cloud)
+    beside = _trace_line(cloud, about_m).beside(cloud)
     if top - float(np.median(height)) > _FULL * float(np.quantile(beside, _TOP)):
         return max(2 * float(np.std(height)), _THINNEST_M)
 
@@ -121,7 +121,7 @@ class _Trace:
         return np.sqrt(places(self.line[None], at, _beyond(self.line, _THICKEST_M))[1][0])
 
 
-def _traced(cloud: Cloud, radius_m: float) -> _Trace:
+def _trace_line(cloud: Cloud, radius_m: float) -> _Trace:
     """The line through the points in the order of the shortest path along them."""
     few = cloud if len(cloud) <= _MOST_POINTS else cloud[:: len(cloud) // _MOST_POINTS + 1]
     nodes = centreline_weights(arclength_labels(few), _ORDER_NODES) @ few
