@@ -63,7 +63,7 @@ def rope(repeats: int) -> Decision:
             space=space,
             policy=task.policy,
             weights=task.weights,
-            advance=jit_cache.carried("rope_push", size.particle_count),
+            advance=jit_cache.action_simulator("rope_push", size.particle_count),
             branches=16,
             depth=3,
         ),

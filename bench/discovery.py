@@ -18,7 +18,7 @@ from rich.console import Console
 
 from app.core.errors import UsageError
 from app.evaluation.results_log import append
-from app.evaluation.workers import Where, finished
+from app.evaluation.workers import Where, completed_rows
 from app.policy.random_pushes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
@@ -136,7 +136,7 @@ def _try(
     done = {ledger.key_of(line) for line in ledger.finished(ledger.read([*others, into]))}
     left = [case for case in cases if ledger.key_of({"case": told(case, setup)}) not in done]
     began = time.monotonic()
-    made = finished(_tried, [(case, setup) for case in left], where=where, processes=jobs)
+    made = completed_rows(_tried, [(case, setup) for case in left], where=where, processes=jobs)
     for count, ((case, _), found) in enumerate(made, 1):
         line: dict[str, Any] = {"case": told(case, setup), "failure": found} if isinstance(found, str) else found
         append(into, line)

@@ -6,7 +6,7 @@ from typing import Final
 from app.core.types import Points
 from app.report.drawing.chart import Plot, label
 from app.report.drawing.ground import Flat, bounds, cloud, ground, surface, way
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.ui.parts.palette import MEASURED, OBSERVED, PREDICTED, STEEL, Colour
 
 _WIDTH, _HEAD = 460.0, 24.0
@@ -46,7 +46,7 @@ def _legend(p: Plot, extended: str) -> Markup:
         said = extended if kind == "extended" else name
         x -= 6.5 * len(said) + 18
         parts += [tag("circle", cx=x + 5, cy=12, r=3.5, class_=f"key-{kind}"), label(x + 12, 16, said, "tick")]
-    return joined(parts)
+    return concat(parts)
 
 
 def _style() -> str:

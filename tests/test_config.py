@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from app.config import Limits, Site, Timing, Workspace
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.errors import ParameterError
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
 def test_a_value_in_its_range_passes_unchanged(value):
-    assert checked("friction", value, 0.0, 1.0) == value
+    assert check_range("friction", value, 0.0, 1.0) == value
 
 
 @pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, math.nan, math.inf, -math.inf])
 def test_a_value_outside_its_range_or_not_finite_is_refused_by_name(value):
     with pytest.raises(ParameterError, match=r"friction = .* is outside its range 0 to 1"):
-        checked("friction", value, 0.0, 1.0)
+        check_range("friction", value, 0.0, 1.0)
 
 
 def test_the_workspace_contains_its_corners_and_nothing_beyond():

@@ -15,12 +15,12 @@ from anyio import to_thread
 
 from app.cells.base import Cell, Wanted
 from app.cells.cell_file import load_cell, narrowed_by
-from app.cells.simulated import drawn
+from app.cells.simulated import drawn_geometry
 from app.config import Site
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.control import taken
+from app.rig.kinova.control import connect_arm
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.feedback_conversion import ArmFeedback
 from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
@@ -95,7 +95,9 @@ async def _open_cell(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         await to_thread.run_sync(fake.__enter__)
         opened.push_async_callback(to_thread.run_sync, partial(fake.__exit__, None, None, None))
         take = partial(
-            taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]), joints_of=_drawn_joints
+            connect_arm,
+            Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]),
+            joints_of=_drawn_joints,
         )
         world = await opened.enter_async_context(
             simulated_rig(
@@ -135,4 +137,4 @@ def _drawn_joints(seen: ArmFeedback) -> Joints:
     return solve_joints(seen.tool)
 
 
-CELL: Final = Cell(name="rehearsal", simulated=True, open=_open_cell, narrowed=_narrow_site, pictured=drawn)
+CELL: Final = Cell(name="rehearsal", simulated=True, open=_open_cell, narrowed=_narrow_site, pictured=drawn_geometry)

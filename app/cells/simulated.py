@@ -19,10 +19,10 @@ def _open_cell(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
     return simulated_rig(stage=wanted.stage, start=wanted.start, site=wanted.site, seed=wanted.seed, held=held)
 
 
-def drawn(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
+def drawn_geometry(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
     """Geometry of the drawn arm, whatever its state: at the origin, wherever a commanded one would stand."""
     del state, table
     return known_arm(tool)
 
 
-CELL: Final = Cell(name="simulated", simulated=True, open=_open_cell, narrowed=as_it_is, pictured=drawn)
+CELL: Final = Cell(name="simulated", simulated=True, open=_open_cell, narrowed=as_it_is, pictured=drawn_geometry)

@@ -19,7 +19,7 @@ from app.commands._audience import Audience
 from app.commands._case import MODEL, DiscoveryResults, read_case
 from app.commands._cell import cell
 from app.commands._goal import read_goal
-from app.commands._guiding import guided
+from app.commands._guiding import with_policy
 from app.commands._named import full_name
 from app.commands._options import Options
 from app.commands._preflight import check_port
@@ -180,7 +180,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            method = await to_thread.run_sync(guided, method, options.policy, order.task)
+            method = await to_thread.run_sync(with_policy, method, options.policy, order.task)
             config = await _with_corrections(
                 await to_thread.run_sync(_config, task, order, preset, method), order, site, planner
             )

@@ -7,7 +7,7 @@ from app.planner.method import Method
 from app.tasks import load
 
 
-def guided(method: Method, policy: Path | None, task: str) -> Method:
+def with_policy(method: Method, policy: Path | None, task: str) -> Method:
     """The method, guided by the learned policy if one is named.
 
     Raises UsageError and RecordingError if it is none of that task, or the method does not use one.

@@ -8,7 +8,7 @@ from typing import Literal, final
 from app.cells import load as load_cell
 from app.commands._named import Dynamics
 from app.config import Limits, Site
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.errors import PreflightError, UsageError
 from app.core.geometry.scene_description import RopeModel
 from app.planner.method import PAPER
@@ -101,10 +101,10 @@ class Options:
         """
         if not 0 <= self.port <= _LAST_PORT:
             raise PreflightError(f"Port {self.port} does not exist; choose one from 1024 to {_LAST_PORT} with --port.")
-        limits = Limits(speed_m_s=checked("--speed", self.speed, _SLOWEST_M_S, Limits().speed_m_s))
+        limits = Limits(speed_m_s=check_range("--speed", self.speed, _SLOWEST_M_S, Limits().speed_m_s))
         budget: int | None = None
         if self.budget_gb is not None:
-            budget = round(checked("--budget-gb", self.budget_gb, 0.0, _LARGEST_GB) * 1e9)
+            budget = round(check_range("--budget-gb", self.budget_gb, 0.0, _LARGEST_GB) * 1e9)
         site = Site(
             limits=limits,
             recordings=self.recordings,

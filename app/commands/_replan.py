@@ -10,7 +10,7 @@ from typing import Any, cast, final
 
 from anyio import to_thread
 
-from app.commands._guiding import guided
+from app.commands._guiding import with_policy
 from app.config import Limits, Site
 from app.core.errors import UsageError
 from app.core.messages import Episode, Goal, Model, Particles, Proposal
@@ -93,7 +93,7 @@ async def replan(planner: Worker, timeline: Timeline, order: ReplanRequest, said
     model = _sendable(chosen)
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
-        method = await to_thread.run_sync(guided, method, Path(str(policy)), task.name)
+        method = await to_thread.run_sync(with_policy, method, Path(str(policy)), task.name)
     config = EpisodeConfig(
         task=task,
         preset=preset,

@@ -15,12 +15,12 @@ from app.core.errors import UsageError
 from app.core.geometry.scene_description import RopeModel
 from app.evaluation import results_log
 from app.evaluation.curves import draw
-from app.evaluation.demonstrate import calibrated
+from app.evaluation.demonstrate import write_calibrated_model
 from app.evaluation.episode import Eyes
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
-from app.evaluation.workers import Where, finished, share_the_machine
+from app.evaluation.workers import Where, completed_rows, share_the_machine
 from app.jobs.worker_api import check_model, choose_preset
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.recording.exchange.model_file import load_model
@@ -106,7 +106,7 @@ def evaluate(
     if not trials:
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
     make_folder(output / "models", "-o")
-    with results_log.held(output):
+    with results_log.folder_lock(output):
         if model is not None:
             _keep(model, models)
         _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
@@ -170,7 +170,7 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
         if wanting and not path.exists():
             trial = wanting[0]
             with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
-                calibrated(name, trial.preset, episodes, trial.eyes, path, trial.world)
+                write_calibrated_model(name, trial.preset, episodes, trial.eyes, path, trial.world)
             terminal.print(f"{path}: calibrated; demonstrations: {episodes}.", markup=False)
 
 
@@ -182,7 +182,7 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
     left = [trial for trial in trials if trial.key not in keys]
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
-        for trial, outcome in finished(run_trial, left, where=workers, processes=jobs):
+        for trial, outcome in completed_rows(run_trial, left, where=workers, processes=jobs):
             row = outcome if isinstance(outcome, dict) else _lost(trial, outcome)
             results_log.append(path, {"key": trial.key} | row)
             progress.update(bar, advance=1)

@@ -39,7 +39,7 @@ class Following:
         """The arm's pose at that time [s]; beyond the samples the nearest."""
         if not self._past:
             self.sample()
-        return posed(self._past, time_s)
+        return pose_at(self._past, time_s)
 
     def way(self, since_s: float, until_s: float) -> ToolPath:
         """Path of the tool between two times [s], in order."""
@@ -47,7 +47,7 @@ class Following:
         return np.array([self.at(since_s).tool, *between, self.at(until_s).tool])
 
 
-def posed(past: Sequence[tuple[float, JointState]], time_s: float) -> JointState:
+def pose_at(past: Sequence[tuple[float, JointState]], time_s: float) -> JointState:
     """Pose at `time_s` [s], interpolated between the samples of the `past`; beyond them the nearest."""
     later = next((index for index, (at_s, _) in enumerate(past) if at_s >= time_s), None)
     if later is None:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool
 
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.types import ColourImage
 
 Mask: TypeAlias = Bool[np.ndarray, "height width"]
@@ -34,12 +34,12 @@ class ColourRange:
     value_high: float = 1.0
 
     def __post_init__(self) -> None:
-        checked("hue_low_deg", self.hue_low_deg, 0.0, 360.0)
-        checked("hue_high_deg", self.hue_high_deg, 0.0, 360.0)
-        checked("saturation_low", self.saturation_low, 0.0, 1.0)
-        checked("saturation_high", self.saturation_high, self.saturation_low, 1.0)
-        checked("value_low", self.value_low, 0.0, 1.0)
-        checked("value_high", self.value_high, self.value_low, 1.0)
+        check_range("hue_low_deg", self.hue_low_deg, 0.0, 360.0)
+        check_range("hue_high_deg", self.hue_high_deg, 0.0, 360.0)
+        check_range("saturation_low", self.saturation_low, 0.0, 1.0)
+        check_range("saturation_high", self.saturation_high, self.saturation_low, 1.0)
+        check_range("value_low", self.value_low, 0.0, 1.0)
+        check_range("value_high", self.value_high, self.value_low, 1.0)
 
     @classmethod
     def of(cls, hue_deg: tuple[float, float], saturation: tuple[float, float], value: tuple[float, float]) -> Self:

@@ -133,7 +133,9 @@ def _messages(shown: Demonstration) -> Iterator[Message]:
         yield summary.scored(proposal, step.before, executed, step.after, config.target, now_s=step.transition.time_s)
 
 
-def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path, world: RopeModel = "chain") -> Path:
+def write_calibrated_model(
+    task: str, preset: str, episodes: int, eyes: Eyes, output: Path, world: RopeModel = "chain"
+) -> Path:
     """Write the model that so many demonstrations calibrate to the file `output`.
 
     Raises RecordingError where none of them moved anything.

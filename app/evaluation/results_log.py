@@ -12,7 +12,7 @@ from app.core.errors import UsageError
 
 
 @contextmanager
-def held(folder: Path) -> Generator[None]:
+def folder_lock(folder: Path) -> Generator[None]:
     """Lock on the folder. Raises UsageError if another process holds it."""
     here = os.open(folder, os.O_RDONLY)
     try:

@@ -21,7 +21,7 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "XLA_PYTHON
 """Small linear algebra is slower in threads, the more so beside others', and several share the memory of a GPU."""
 
 
-def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: int) -> Generator[Finished[JobT]]:
+def completed_rows(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: int) -> Generator[Finished[JobT]]:
     """Each job with its row as it is finished, in whatever order; with why, in words, where its process was lost.
 
     With Ray, `processes` are as many as the cluster has processors. Raises UsageError where Ray is not installed.

@@ -87,7 +87,7 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), st
 @lru_cache
 def end_from_state(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
     """The same from a state, as the particles come to rest."""
-    carry = carried(task, particle_count, effects, stiff)
+    carry = action_simulator(task, particle_count, effects, stiff)
 
     def end(phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"]) -> Float[Array, "B N 3"]:
         return carry(phi, state, tool).x
@@ -96,7 +96,7 @@ def end_from_state(task: str, particle_count: int, effects: tuple[Effect, ...] =
 
 
 @lru_cache
-def begun(task: str) -> Begin:
+def states_at_rest(task: str) -> Begin:
     """States of observed objects at rest, for use outside of compiled code, where a rope's order is found first."""
     begin = load(task).initial_state
     if not isinstance(begin, RodStart):
@@ -109,7 +109,7 @@ def begun(task: str) -> Begin:
 
 
 @lru_cache
-def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> Advance:
+def action_simulator(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> Advance:
     """The task's simulator of one action, from state to state: to rest, where the task's actions end at rest.
 
     See `moving`.
@@ -208,7 +208,7 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> TreeCo
         space=data.actions,
         policy=data.policy,
         weights=replace(data.weights, keep_out=confines.keep_out, reach=confines.reach),
-        advance=carried(task, size.particle_count, *needed),
+        advance=action_simulator(task, size.particle_count, *needed),
         begin=data.initial_state,
         branches=size.branches,
         depth=size.depth,
@@ -226,7 +226,7 @@ def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.nd
 def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
     simulator = end_from_state(task, data.preset(preset).particle_count, *needed)
-    predictor = ModelScorer(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
+    predictor = ModelScorer(advance=simulator, begin=states_at_rest(task), chunk=_CHUNKS[data.dynamics])
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)
     return Calibrator(predictor=predictor, specs=specs, settings=settings, offset=_tool_offset(data))

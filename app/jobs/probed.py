@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from app.tasks.elements.base import Task
 
 
-def unprobed(task: Task) -> str:
+def experiment_refusal(task: Task) -> str:
     """Why there are no experiments on a task, in a sentence; empty where there are.
 
     Candidates are simulated by the thousand; of other objects than rods that takes minutes a push.
@@ -50,7 +50,7 @@ def probed_subject(task: Task) -> Subject:
     """The simulator that experiments are about. Raises UsageError for a task without them."""
     from app.jobs.discovery_subject import subject_of
 
-    if why := unprobed(task):
+    if why := experiment_refusal(task):
         raise UsageError(why)
     return subject_of(task)
 

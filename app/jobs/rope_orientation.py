@@ -48,7 +48,7 @@ def track_orientation(task: str, orientation: Orientation, transition: Transitio
     before = _nodes(task, transition.before, known.line if known.line.size else None)
     path = data.actions.measured_path(transition.executed.tool)
     state = data.initial_state(jnp.asarray(transition.before)[None], jnp.asarray(before))
-    simulate = jit_cache.carried(task, len(transition.before), *jit_cache.needs(task, phi))
+    simulate = jit_cache.action_simulator(task, len(transition.before), *jit_cache.needs(task, phi))
     predicted = np.asarray(_either(simulate, jnp.asarray(_either_way(phi)), state, jnp.asarray(path)))
     finite = np.isfinite(predicted).all()
     after = _nodes(task, transition.after, predicted.mean(0) if finite else before)

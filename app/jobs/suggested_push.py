@@ -86,7 +86,7 @@ def plan_of_suggestion(
     x = allowed_for.unseen(observed) if allowed_for else observed
     made = aim_at(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(jit_cache.carried(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
+    simulate = jax.jit(jit_cache.action_simulator(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
     before = data.initial_state(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])

@@ -8,7 +8,7 @@ import numpy as np
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.core.types import Points
-from app.jobs.jit_cache import carried, needs, phi_of
+from app.jobs.jit_cache import action_simulator, needs, phi_of
 from app.policy.learned.base import LearnedPolicy, Lessons, TrainingSimulator
 from app.policy.learned.examples import Examples
 from app.policy.learned.file import load_policy
@@ -30,14 +30,14 @@ def load_learned(path: Path, task: Task, kind: str | None = None) -> LearnedPoli
 
     Raises UsageError and RecordingError as `load_policy`, and UsageError where it is of another `kind`.
     """
-    where = shipped(task.problem) if path == SHIPPED else path
+    where = shipped_policy_file(task.problem) if path == SHIPPED else path
     policy, origin = load_policy(where, task=task.problem, how=lessons(task))
     if kind is not None and origin.kind != kind:
         raise UsageError(f"{where} holds a policy of the kind {origin.kind}, not {kind}; move it, or train one.")
     return policy
 
 
-def shipped(task: str) -> Path:
+def shipped_policy_file(task: str) -> Path:
     """The file of the policy of that task which comes with the program."""
     return _SHIPPED / f"{task}.safetensors"
 
@@ -45,7 +45,7 @@ def shipped(task: str) -> Path:
 def simulator(task: Task, model: Model, particle_count: int) -> TrainingSimulator:
     """The task's simulator of so many particles, for learners that learn by simulation."""
     phi = phi_of(model)
-    advance = carried(task.name, particle_count, *needs(task.name, phi))
+    advance = action_simulator(task.name, particle_count, *needs(task.name, phi))
     return TrainingSimulator(advance=advance, begin=task.initial_state, phi=tuple(map(float, phi)))
 
 

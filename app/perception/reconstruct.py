@@ -175,7 +175,7 @@ def reconstruct(
     )
 
 
-def looked(
+def diagnose_views(
     frames: Sequence[Frame], how: Reconstruction, known: PriorKnowledge | None = None
 ) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, also where they are insufficient for `reconstruct`."""

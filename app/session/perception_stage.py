@@ -22,7 +22,14 @@ from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.perception.cloud.occlusion_memory import NOTHING
 from app.perception.cloud.view_diagnostics import ViewDiagnostics
-from app.perception.reconstruct import PriorKnowledge, Reconstructed, Reconstruction, looked, reconstruct, warm_up
+from app.perception.reconstruct import (
+    PriorKnowledge,
+    Reconstructed,
+    Reconstruction,
+    diagnose_views,
+    reconstruct,
+    warm_up,
+)
 
 _OBSERVE_DEADLINE_S = 30.0
 _PERCEPTION_S = 120.0
@@ -168,7 +175,7 @@ class Sensing:
             found = credible(await self.perceiver.run(reconstruct, frames, how, self._rig.seen_arm.tool(), known), how)
             self._remembered_s = _newest_s(frames)
         except PerceptionError:
-            looks = await self.perceiver.run(looked, frames, how, known)
+            looks = await self.perceiver.run(diagnose_views, frames, how, known)
             self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))
             raise
         self._announcer.say(seen(frames, found.looks, how, now_s=self._clock.now()))

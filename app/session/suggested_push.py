@@ -16,7 +16,7 @@ from app.core.messages import Model, Particles, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Clock, Computer
 from app.core.types import Centreline, Points
-from app.jobs.probed import Chosen, Weighed, belief_after, chosen_motion, unprobed
+from app.jobs.probed import Chosen, Weighed, belief_after, chosen_motion, experiment_refusal
 from app.jobs.suggested_push import plan_of_suggestion
 from app.session.perception_stage import Sensing
 from app.tasks.elements.base import EpisodeConfig, Experiment
@@ -61,7 +61,7 @@ class Probing:
             self._experiment = None
             interrupt("is of an experiment, and plans are for the goal again")
             return
-        if refused := unprobed(self._task):
+        if refused := experiment_refusal(self._task):
             self._announcer.notice("experiment", refused, request.id)
             return
         self._experiment = Experiment(budget=len(self._made) + request.pushes)

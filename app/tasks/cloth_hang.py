@@ -14,7 +14,7 @@ from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
 from app.sim.materials.cloth import ClothMaterial
-from app.sim.materials.threads import unstretched
+from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
 from app.sim.tools.rod import RackCollider
@@ -109,7 +109,7 @@ TASK = Task(
     success=Hung(y_m=CLEAR.y_m, reach_m=0.12, low_m=0.03),
     open_gripper_m=GRIPPER.closed_m + 0.008,
     horizon=60,
-    initial_state=unstretched,
+    initial_state=cloth_at_rest,
     at_rest=False,
     presets=MappingProxyType(
         {

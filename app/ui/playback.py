@@ -48,7 +48,7 @@ class Playback:
     def paint(self) -> None:
         """Update the widgets to the player."""
         where = self._player.where
-        self._text.put(shown(self._player.reel, where))
+        self._text.put(moment_text(self._player.reel, where))
         if self._play.label != (label := PAUSE if where.playing else PLAY):
             self._play.label = label
             self._play.icon = viser.Icon.PLAYER_PAUSE if where.playing else viser.Icon.PLAYER_PLAY
@@ -64,7 +64,7 @@ class Playback:
 
     def _build_transport(self, reel: Reel) -> None:
         gui, player = self._gui, self._player
-        self._text = Text(gui, shown(reel, player.where))
+        self._text = Text(gui, moment_text(reel, player.where))
         end_s = max(reel.duration_s, 1e-3)
         self._time = gui.add_slider(
             "Time [s]",
@@ -120,7 +120,7 @@ class Playback:
             self._player.jump(event.target.value)
 
 
-def shown(reel: Reel, where: Where) -> str:
+def moment_text(reel: Reel, where: Where) -> str:
     """The moment in words."""
     passed = sum(mark.time_s <= where.time_s for mark in reel.motions)
     motion = f"motion {passed} of {len(reel.motions)}" if reel.motions else "no motions"

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from app.config import Limits, Site
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.control import taken
+from app.rig.kinova.control import connect_arm
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from bench.faults.__main__ import table
@@ -73,7 +73,7 @@ def wire(fake: FakeProcess) -> Others:
 def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
     """Outcomes of all faults in turn; of those at the wire `alone`."""
     with FakeProcess() as fake:
-        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
+        take = partial(connect_arm, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
         others, found = wire(fake), list[Outcome]()
         with subject(doing, SITE, take, others, Wire(fake, SITE.limits)) as one:
             for fault in (*(() if alone else faults(doing)), *others):
@@ -86,7 +86,7 @@ def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
 def disturbed(doing: Doing, seconds: float, adversity: FaultInjection) -> list[str]:
     """Reasons for stops of the arm under a disturbance that should cause none."""
     with FakeProcess() as fake:
-        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
+        take = partial(connect_arm, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
         with subject(doing, SITE, take) as one:
             one.wait_until_fast()
             fake.set(adversity)

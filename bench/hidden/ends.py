@@ -126,7 +126,7 @@ def _predicted(
     task, count = load(TASK), len(phis)
     path = task.actions.measured_path(made.executed.tool)
     state = task.initial_state(jnp.tile(jnp.asarray(before), (count, 1, 1)), jnp.asarray(line))
-    simulate = jit_cache.carried(TASK, len(before), *jit_cache.needs(TASK, jit_cache.phi_of(model)))
+    simulate = jit_cache.action_simulator(TASK, len(before), *jit_cache.needs(TASK, jit_cache.phi_of(model)))
     return np.asarray(simulate(jnp.asarray(phis), state, jnp.tile(jnp.asarray(path), (count, 1, 1))).centreline)
 
 

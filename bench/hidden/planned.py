@@ -99,7 +99,7 @@ def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:
         space=task.actions,
         policy=task.policy,
         weights=task.weights,
-        advance=jit_cache.carried(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
+        advance=jit_cache.action_simulator(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
         branches=_BRANCHES,
         depth=1,
     )

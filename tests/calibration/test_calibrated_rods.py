@@ -58,7 +58,7 @@ def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
 
 def test_a_rope_begins_outside_of_compiled_code_as_within() -> None:
     before = hidden().evidence.before
-    outside, within = jit_cache.begun(TASK.name)(before), TASK.initial_state(jnp.asarray(before))
+    outside, within = jit_cache.states_at_rest(TASK.name)(before), TASK.initial_state(jnp.asarray(before))
     for mine, its in zip(outside, within, strict=True):
         np.testing.assert_allclose(mine, its, atol=1e-6)
 

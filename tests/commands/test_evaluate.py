@@ -120,7 +120,7 @@ def test_a_given_model_is_of_the_task_and_no_other_than_the_results_are_of(
 
 
 def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with results_log.held(folder):
+    with results_log.folder_lock(folder):
         assert main(["evaluate", *SHORT, "-o", str(folder)]) == UsageError.exit_code
     assert "Another evaluation writes to" in capsys.readouterr().err.replace("\n", " ")
     assert not (folder / "episodes.jsonl").exists()

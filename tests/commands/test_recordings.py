@@ -80,7 +80,7 @@ def test_a_check_ends_with_an_error_where_something_is_lost(folder: Path, capsys
 def test_a_check_notes_the_checksums_that_are_missing(folder: Path, capsys) -> None:
     (folder / digests.SUMS).unlink()
     said(capsys, "check", *paths(folder), "--note")
-    assert all(digests.noted(path) == digests.digest(path) for path in paths(folder))
+    assert all(digests.stored_digest(path) == digests.digest(path) for path in paths(folder))
 
 
 def test_a_label_keeps_the_checksum_right_and_never_hides_that_it_was_wrong(folder: Path, capsys) -> None:
@@ -89,8 +89,8 @@ def test_a_label_keeps_the_checksum_right_and_never_hides_that_it_was_wrong(fold
     sums.write_text(sums.read_text().replace(digests.digest(bad), "0" * 64))
     said(capsys, "label", "success", good, bad)
     assert [label.said for label in labels(good)] == ["success"]
-    assert digests.noted(good) == digests.digest(good)
-    assert digests.noted(bad) == "0" * 64
+    assert digests.stored_digest(good) == digests.digest(good)
+    assert digests.stored_digest(bad) == "0" * 64
 
 
 def test_nothing_is_labelled_where_one_of_many_cannot_be(folder: Path, capsys) -> None:
@@ -105,7 +105,7 @@ def test_a_file_that_is_damaged_gets_no_checksum_by_a_label(folder: Path, capsys
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
     said(capsys, "label", "success", path)
-    assert digests.noted(path) is None
+    assert digests.stored_digest(path) is None
 
 
 def test_an_unknown_label_names_the_known_ones(folder: Path, capsys) -> None:
@@ -119,7 +119,7 @@ def test_what_was_cut_off_is_recovered_with_a_checksum(folder: Path, capsys) -> 
     assert "cut.recovered.mcap" in said(capsys, "recover", folder / "cut.mcap")
     made = folder / "cut.recovered.mcap"
     assert recover(made).was_whole
-    assert digests.noted(made) == digests.digest(made)
+    assert digests.stored_digest(made) == digests.digest(made)
 
 
 @pytest.mark.parametrize("to", ["npz", "ply"])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.arm_pose_history import Following, posed
+from app.core.arm_pose_history import Following, pose_at
 from app.core.geometry.arm_geometry import JointState
 from tests.session.rig import TickedArm
 
@@ -24,14 +24,14 @@ PAST = [(1.0, posture(0.30, 0.0)), (1.1, posture(0.34, 0.2)), (1.2, posture(0.34
     [(1.0, 0.30, 0.0), (1.05, 0.32, 0.1), (1.15, 0.34, 0.2), (0.2, 0.30, 0.0), (9.0, 0.34, 0.2)],
 )
 def test_between_samples_it_is_between_and_beyond_them_at_the_nearest(time_s, x, angle):
-    found = posed(PAST, time_s)
+    found = pose_at(PAST, time_s)
     assert found.tool[0] == pytest.approx(x)
     np.testing.assert_allclose(found.joints, angle, atol=1e-12)
 
 
 def test_a_joint_that_passes_half_a_turn_goes_the_shorter_way():
     past = [(0.0, posture(0.3, HALF_TURN - 0.1)), (1.0, posture(0.3, -HALF_TURN + 0.1))]
-    np.testing.assert_allclose(posed(past, 0.5).joints, HALF_TURN)
+    np.testing.assert_allclose(pose_at(past, 0.5).joints, HALF_TURN)
 
 
 def test_the_way_of_the_tool_begins_and_ends_where_it_was_then():

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from app.core.errors import UsageError
-from app.evaluation.workers import finished
+from app.evaluation.workers import completed_rows
 
 pytestmark = pytest.mark.serial
 
@@ -36,14 +36,14 @@ def once_killed(folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_each_job_is_finished_once_and_the_one_that_kills_its_process_says_so(processes: int) -> None:
-    outcomes = dict(finished(squared, range(6), where="local", processes=processes))
+    outcomes = dict(completed_rows(squared, range(6), where="local", processes=processes))
     assert {job: row for job, row in outcomes.items() if job != 3} == {n: {"square": n**2} for n in (0, 1, 2, 4, 5)}
     assert isinstance(outcomes[3], str)
     assert "killed" in outcomes[3]
 
 
 def test_a_job_whose_process_was_killed_from_outside_is_done_again(tmp_path: Path) -> None:
-    assert list(finished(once_killed, [tmp_path], where="local", processes=2)) == [(tmp_path, {"done": True})]
+    assert list(completed_rows(once_killed, [tmp_path], where="local", processes=2)) == [(tmp_path, {"done": True})]
 
 
 def defective(number: int) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def defective(number: int) -> dict[str, Any]:
 def test_a_defect_is_raised_after_what_ran_beside_it_is_finished() -> None:
     seen = list[int]()
     with pytest.raises(ArithmeticError, match="a defect"):
-        seen.extend(job for job, _ in finished(defective, range(4), where="local", processes=2))
+        seen.extend(job for job, _ in completed_rows(defective, range(4), where="local", processes=2))
     assert seen == [1]
 
 
@@ -88,4 +88,4 @@ def test_workers_end_with_their_parent_even_if_it_is_killed(tmp_path: Path) -> N
 @pytest.mark.skipif(find_spec("ray") is not None, reason="Ray is installed")
 def test_without_ray_the_error_says_how_to_install_it() -> None:
     with pytest.raises(UsageError, match=r'-e "\.\[ray\]"'):
-        list(finished(squared, [1], where="ray", processes=1))
+        list(completed_rows(squared, [1], where="ray", processes=1))

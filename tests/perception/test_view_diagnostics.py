@@ -8,7 +8,7 @@ import pytest
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
 from app.perception.cloud.view_diagnostics import apart_m
-from app.perception.reconstruct import Reconstruction, looked, reconstruct
+from app.perception.reconstruct import Reconstruction, diagnose_views, reconstruct
 from tests.perception.scene import ROPE_RGB, views
 
 HOW = Reconstruction(colour=ColourRange.around(ROPE_RGB), particle_count=300)
@@ -33,19 +33,19 @@ def test_what_is_too_little_for_particles_is_told_all_the_same(frames):
     blue = replace(HOW, colour=ColourRange(hue_low_deg=270.0, hue_high_deg=300.0))
     with pytest.raises(PerceptionError):
         reconstruct(frames, blue)
-    looks = looked(frames, blue)
+    looks = diagnose_views(frames, blue)
     assert [look.pixels for look in looks] == [0, 0]
     assert [look.points for look in looks] == [0, 0]
     assert all(np.isnan(look.apart_m) for look in looks)
 
 
 def test_a_camera_out_of_place_shows_in_the_distance_between_the_views(frames):
-    usual = [look.apart_m for look in looked(frames, HOW)]
+    usual = [look.apart_m for look in diagnose_views(frames, HOW)]
     assert max(usual) < 0.003
     pose = frames[0].camera.T_world_camera.copy()
     pose[2, 3] += 0.006
     moved = replace(frames[0], camera=replace(frames[0].camera, T_world_camera=pose))
-    assert max(look.apart_m for look in looked([moved, frames[1]], HOW)) > 0.004
+    assert max(look.apart_m for look in diagnose_views([moved, frames[1]], HOW)) > 0.004
 
 
 def test_of_three_views_the_one_that_is_off_is_the_farthest(frames):

@@ -33,7 +33,7 @@ def search(branches: int = 4, depth: int = 2) -> TreeConfig:
         space=SPACE,
         policy=TASK.policy,
         weights=TASK.weights,
-        advance=jit_cache.carried("rope_push", PARTICLES),
+        advance=jit_cache.action_simulator("rope_push", PARTICLES),
         branches=branches,
         depth=depth,
     )

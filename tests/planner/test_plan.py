@@ -14,7 +14,7 @@ from app.core.errors import PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import moved, roll_out, simulate, start
+from app.planner.search.tree import roll_out, simulate, start, state_after
 from app.policy.base import PARKED_POSE
 from app.tasks.rope_push import TASK
 from tests.planner.table import PHI, SPACE, now, planner, rope, search
@@ -120,7 +120,7 @@ def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> N
     act = program(tree.policy.act)
     np.testing.assert_allclose(begun.first[0], act(begun.prepared, now(START, 1)).mean[0], atol=1e-6)
     actions = jax.jit(partial(roll_out, tree))(begun)
-    after = jax.jit(partial(moved, tree))(begun.phi, begun.now, actions[:, 0])
+    after = jax.jit(partial(state_after, tree))(begun.phi, begun.now, actions[:, 0])
     np.testing.assert_allclose(actions[:, 1], program(SPACE.project)(act(begun.prepared, after).mean, after), atol=1e-5)
 
 

@@ -11,7 +11,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Health, Notice
 from app.recording.format import digests
 from app.recording.format.channels import KINDS, SCHEMA_VERSION
-from app.recording.format.migrate import STEPS, changed_since, migrated
+from app.recording.format.migrate import STEPS, changed_since, migrate_message
 from app.recording.library.checks import check
 from app.recording.library.label import Label, labels, relabel
 from app.recording.library.recording_index import entry
@@ -42,10 +42,10 @@ def test_each_version_has_its_step_and_each_step_its_channels() -> None:
 
 
 def test_the_program_of_version_1_was_in_a_mode_and_is_now_doing_something() -> None:
-    assert migrated({"id": "a", "mode": "planning"}, "/dipac/health", 1) == {"id": "a", "doing": "planning"}
+    assert migrate_message({"id": "a", "mode": "planning"}, "/dipac/health", 1) == {"id": "a", "doing": "planning"}
     # Of other messages `mode` is what it was, and of this version nothing is changed.
-    assert migrated({"mode": "idle"}, "/dipac/arm_state", 1) == {"mode": "idle"}
-    assert migrated({"mode": "idle"}, "/dipac/health", SCHEMA_VERSION) == {"mode": "idle"}
+    assert migrate_message({"mode": "idle"}, "/dipac/arm_state", 1) == {"mode": "idle"}
+    assert migrate_message({"mode": "idle"}, "/dipac/health", SCHEMA_VERSION) == {"mode": "idle"}
 
 
 def test_an_old_file_is_read_as_if_it_were_new(new: Path, old: Path) -> None:
@@ -104,8 +104,8 @@ def test_the_checksum_is_renewed_and_never_hides_that_it_was_wrong(old: Path, tm
     (changed.parent / digests.SUMS).write_text(f"{'0' * 64}  {changed.name}\n")
     for path in (old, changed):
         renew(path)
-    assert digests.noted(old) == digests.digest(old)
-    assert digests.noted(changed) == "0" * 64
+    assert digests.stored_digest(old) == digests.digest(old)
+    assert digests.stored_digest(changed) == "0" * 64
 
 
 def test_a_damaged_file_stays_as_it_is(old: Path) -> None:

@@ -14,7 +14,7 @@ from app.core.errors import UsageError
 from app.core.messages import Episode
 from app.recording.format import digests
 from app.recording.format.clock_offset import Epoch
-from app.recording.format.lock import held, hold
+from app.recording.format.lock import hold, is_being_written
 from app.recording.library.label import Label, relabel
 from app.recording.library.prune import Rule, discard, prunable
 from app.recording.library.recording_index import entry, shelf
@@ -118,8 +118,8 @@ def test_what_goes_takes_its_checksum_along(tmp_path: Path) -> None:
     kept, gone = demonstration(tmp_path, seed=1), demonstration(tmp_path, seed=2)
     discard(gone)
     assert not gone.exists()
-    assert digests.noted(gone) is None
-    assert digests.noted(kept) == digests.digest(kept)
+    assert digests.stored_digest(gone) is None
+    assert digests.stored_digest(kept) == digests.digest(kept)
 
 
 def test_a_file_is_there_once_however_it_is_named_and_links_and_folders_are_none(tmp_path: Path) -> None:
@@ -138,9 +138,9 @@ def test_a_recording_is_locked_although_somebody_was_just_looking(tmp_path: Path
     fcntl.flock(looking, fcntl.LOCK_SH)
     threading.Timer(0.2, os.close, (looking,)).start()
     writing = hold(path)
-    assert held(path)
+    assert is_being_written(path)
     os.close(writing)
-    assert not held(path)
+    assert not is_being_written(path)
 
 
 def test_what_was_cut_off_just_now_may_still_be_written_where_there_are_no_locks(tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ def test_sums_that_others_wrote_are_kept_and_understood(tmp_path: Path) -> None:
     sums = tmp_path / digests.SUMS
     foreign = b"# mine\n" + b"0" * 64 + b"  a \xff b.bin\n"
     sums.write_bytes(foreign + f"{'1' * 64}  ./{path.name}\n".encode())
-    assert digests.noted(path) == "1" * 64
+    assert digests.stored_digest(path) == "1" * 64
     digests.note(path)
-    assert digests.noted(path) == digests.digest(path)
+    assert digests.stored_digest(path) == digests.digest(path)
     assert all(line in sums.read_bytes() for line in foreign.splitlines())

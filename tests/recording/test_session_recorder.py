@@ -59,7 +59,7 @@ def files_in(folder: Path) -> set[str]:
 
 
 async def noted(path: Path) -> str | None:
-    return await to_thread.run_sync(digests.noted, path)
+    return await to_thread.run_sync(digests.stored_digest, path)
 
 
 def notices(make: Maker, count: int) -> list[Message]:

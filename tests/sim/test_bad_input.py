@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, RecordingError, SimulationError, UsageError
-from app.sim.diagnosis.checked import checked
+from app.sim.diagnosis.checked import with_checks
 from app.sim.diagnosis.dump import Dump, leave_dump, load_dump, save_dump
 from app.sim.diagnosis.failure_diagnosis import MpmCase, dissect, single
 from app.sim.diagnosis.faults import KEPT
@@ -273,7 +273,7 @@ def test_input_that_is_not_finite_fails_before_the_first_substep() -> None:
 
 
 def test_a_checked_simulator_names_the_particle_and_leaves_a_dump(tmp_path: Path) -> None:
-    simulate = checked(SETUP, tmp_path, ROLLOUT)
+    simulate = with_checks(SETUP, tmp_path, ROLLOUT)
     phi, state, tool, setting = problem()
     assert np.isfinite(np.asarray(simulate(*jax.tree.map(jnp.asarray, (phi, state, tool, setting))).x)).all()
     state.v[1, 30:, 1] = 8.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.sim.materials.cloth import ClothMaterial
-from app.sim.materials.threads import unstretched
+from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.scene import Body, Scene
 from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
@@ -59,7 +59,7 @@ LIFT, LET_GO = path((0.002, 0.004), (0.08, 0.004)), path((0.08, 0.004), (0.08, 0
 
 
 def test_what_is_within_reach_of_closed_fingers_goes_with_them_and_the_rest_follows(simulate: Simulate):
-    before = unstretched(flat(0.002))
+    before = cloth_at_rest(flat(0.002))
     end = simulate(PHI, before, LIFT)
     moved = np.asarray(end.x - before.x)[0]
     assert moved[MIDDLE] == pytest.approx([0.0, 0.0, 0.078], abs=0.003)
@@ -70,19 +70,19 @@ def test_what_is_within_reach_of_closed_fingers_goes_with_them_and_the_rest_foll
 
 
 def test_fingers_that_are_open_or_out_of_reach_hold_nothing(simulate: Simulate):
-    before = unstretched(flat(0.002))
+    before = cloth_at_rest(flat(0.002))
     for told in (path((0.002, 0.04), (0.08, 0.04)), path((0.04, 0.004), (0.12, 0.004))):
         assert np.asarray(simulate(PHI, before, told).x)[0, :, 2].max() < 0.01
 
 
 def test_fingers_that_open_let_go(simulate: Simulate):
-    held = simulate(PHI, unstretched(flat(0.002)), LIFT)
+    held = simulate(PHI, cloth_at_rest(flat(0.002)), LIFT)
     dropped = simulate(PHI, held, LET_GO)
     assert np.asarray(dropped.x)[0, MIDDLE, 2] < np.asarray(held.x)[0, MIDDLE, 2] - 0.02
 
 
 def test_the_gradient_of_what_is_held_with_respect_to_the_fingers_equals_central_differences(simulate: Simulate):
-    before = unstretched(flat(0.002))
+    before = cloth_at_rest(flat(0.002))
     weights = jnp.asarray(np.random.default_rng(0).normal(size=before.x.shape), jnp.float32)
     ramp = jnp.linspace(0.0, 1.0, STEPS + 1)
 
@@ -105,9 +105,9 @@ def test_a_rack_along_x_does_what_one_along_y_does_seen_from_its_side():
             count=2, spacing_m=0.05, half_length_m=0.1, radius_m=0.01, place_m=(0, 0, 0.15), friction=0.5, along=along
         )
         run = make_rollout(scene(rack), particle_count=ROWS**2, effects=())
-        start: State = unstretched(flat(0.165, aside_m=0.01))
+        start: State = cloth_at_rest(flat(0.165, aside_m=0.01))
         if along == "x":
-            start = unstretched(flat(0.165, aside_m=0.01)[..., jnp.array([1, 0, 2])])
+            start = cloth_at_rest(flat(0.165, aside_m=0.01)[..., jnp.array([1, 0, 2])])
         end = np.asarray(run(PHI, start, jnp.zeros((1, 3 * STEPS + 1, 0))).x)[0]
         ends.append(end if along == "y" else end[:, [1, 0, 2]])
     assert ends[0] == pytest.approx(ends[1], abs=2e-3)

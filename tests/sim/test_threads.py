@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim.materials.threads import threads, unstretched
+from app.sim.materials.threads import cloth_at_rest, threads
 
 SPACING_M = 0.014
 
@@ -58,7 +58,7 @@ def test_particles_that_are_few_or_in_one_place_have_threads_too():
 
 
 def test_a_cloth_that_is_seen_is_at_rest():
-    state = unstretched(jnp.asarray(np.random.default_rng(0).normal(size=(2, 30, 3)), jnp.float32))
+    state = cloth_at_rest(jnp.asarray(np.random.default_rng(0).normal(size=(2, 30, 3)), jnp.float32))
     assert not state.v.any()
     assert not state.C.any()
     assert np.linalg.norm(np.asarray(state.F), axis=2) == pytest.approx(np.ones((2, 30, 3)), abs=1e-5)

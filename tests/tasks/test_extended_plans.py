@@ -79,7 +79,7 @@ CASES: dict[str, tuple[World, Model | None]] = {
 
 @cache
 def planner(tilted: bool) -> TreePlanner:
-    advance = jit_cache.carried("rope_push", PARTICLES, acting(World(tilt_deg=float(tilted)).phi))
+    advance = jit_cache.action_simulator("rope_push", PARTICLES, acting(World(tilt_deg=float(tilted)).phi))
     search = TreeConfig(space=SPACE, policy=TASK.policy, weights=TASK.weights, advance=advance, branches=6, depth=1)
     return TreePlanner(search=search, descent=TASK.descent, gradient_steps=8)
 

@@ -63,7 +63,7 @@ class World:
     def pushed(self, model: Model) -> Transition:
         before, way = self.seen(), self.way()
         phi, path = jit_cache.phi_of(model), TASK.actions.measured_path(way)
-        simulate = jit_cache.carried(RODS, COUNT, *jit_cache.needs(RODS, phi))
+        simulate = jit_cache.action_simulator(RODS, COUNT, *jit_cache.needs(RODS, phi))
         end = simulate(jnp.asarray(phi)[None], self.state, jnp.asarray(path)[None])
         assert isinstance(end, RodState)
         self.state = end
@@ -187,7 +187,7 @@ def test_stiffness_along_the_rope_acts_in_its_prediction_by_the_end_that_is_firs
     phi = jit_cache.phi_of(knowing(stiffness_slope=0.9))
     here = world(1)
     path = jnp.asarray(TASK.actions.measured_path(here.way()))[None]
-    simulate = jit_cache.carried(RODS, COUNT, *jit_cache.needs(RODS, phi))
+    simulate = jit_cache.action_simulator(RODS, COUNT, *jit_cache.needs(RODS, phi))
     ends = [
         np.asarray(simulate(jnp.asarray(with_orientation(phi, sign))[None], here.state, path).centreline[0])
         for sign in (1.0, 0.0, -1.0)

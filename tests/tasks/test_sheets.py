@@ -6,7 +6,7 @@ import pytest
 
 from app.calibration.calibrate import phi_of
 from app.core.motion import pointing_down
-from app.jobs.jit_cache import carried
+from app.jobs.jit_cache import action_simulator
 from app.jobs.worker_api import nominal_model
 from app.planner.actions.carry_actions import Carries
 from app.tasks import load
@@ -91,7 +91,9 @@ def test_a_cloth_that_hangs_from_the_gripper_stays_whole(aside_m: float) -> None
     path = np.zeros((1, lifting + hanging + 1, 8), np.float32)
     path[..., :2], path[..., 3], path[..., 7] = edge[:2], 1.0, TASK.actions.openings_m[0]
     path[0, :, 2] = np.interp(np.arange(path.shape[1]), [0, lifting], [low_m, high_m])
-    end = np.asarray(carried(TASK.name, 256)(PHI, TASK.initial_state(jnp.asarray(x)[None]), jnp.asarray(path)).x[0])
+    end = np.asarray(
+        action_simulator(TASK.name, 256)(PHI, TASK.initial_state(jnp.asarray(x)[None]), jnp.asarray(path)).x[0]
+    )
     below_m = high_m - end[:, 2]
     assert below_m.max() < 1.1 * SIZE_M
     assert np.diff(np.sort(below_m)).max() < 1.5 * SIZE_M / 16

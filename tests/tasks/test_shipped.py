@@ -7,7 +7,7 @@ import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.jobs.jit_cache import nominal_model
-from app.jobs.teaching import SHIPPED, lessons, load_learned, shipped, simulator
+from app.jobs.teaching import SHIPPED, lessons, load_learned, shipped_policy_file, simulator
 from app.policy.base import PlanningState
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy
@@ -19,8 +19,8 @@ PROBLEMS = 12
 
 @pytest.mark.parametrize("name", names())
 def test_each_task_has_one_that_says_how_it_was_made(name: str) -> None:
-    assert shipped(name).stat().st_size <= LARGEST_BYTES
-    _, origin = load_policy(shipped(name), task=name, how=lessons(load(name)))
+    assert shipped_policy_file(name).stat().st_size <= LARGEST_BYTES
+    _, origin = load_policy(shipped_policy_file(name), task=name, how=lessons(load(name)))
     assert origin.command.startswith(f"dipac train {name} --policy {origin.kind} ")
     assert len(origin.demonstrations) == 10
     assert all(demonstration in origin.command for demonstration in origin.demonstrations)

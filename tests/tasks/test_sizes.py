@@ -43,7 +43,7 @@ def pushed(task: str, stiffness_pa: float | None = None) -> tuple[RodState, RodS
     phi = jit_cache.phi_of(nominal_model(task))
     phi[index("stiffness")] = stiffness_pa or phi[index("stiffness")]
     begin = data.initial_state(jnp.asarray(x)[None])
-    carry = jit_cache.carried(task, COUNT, *jit_cache.needs(task, phi))
+    carry = jit_cache.action_simulator(task, COUNT, *jit_cache.needs(task, phi))
     end = carry(jnp.asarray(phi)[None], begin, jnp.asarray(tool, jnp.float32)[None])
     assert isinstance(begin, RodState)
     assert isinstance(end, RodState)
@@ -111,7 +111,7 @@ def test_a_flat_finger_stands_in_the_name_and_pushes_the_rope_before_all_of_its_
     way = np.linspace(begin, 0.03, task.actions.substeps + 1)
     tool = np.stack([np.full(len(way), 0.55), way, np.full(len(way), task.finger.push_height_m)], axis=1)
     phi = jnp.asarray(jit_cache.phi_of(nominal_model(named_)))[None]
-    end = jit_cache.carried(named_, COUNT)(
+    end = jit_cache.action_simulator(named_, COUNT)(
         phi, task.initial_state(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None]
     )
     away = np.asarray(end.x[0, :, :2]) - tool[-1, :2]

@@ -10,7 +10,17 @@ from app.core.dialogue import words
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch
 from app.ui.plans import cards
-from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, moments, motion_at, names, to_goal_m2
+from app.ui.plans.look import (
+    BEST,
+    NONE,
+    PreviewState,
+    last_moment,
+    moments,
+    motion_at,
+    names,
+    selected_preview,
+    to_goal_m2,
+)
 from tests.ui import synthetic
 
 OBSERVED = synthetic.rope(0.5)
@@ -29,20 +39,20 @@ def test_every_branch_has_a_name_of_its_own() -> None:
 
 @pytest.mark.parametrize("nonsense", [BEST, NONE, "99 random", "", "1 policy "])
 def test_what_a_widget_says_that_makes_no_sense_is_the_proposed_branch_alone(nonsense: str) -> None:
-    look = looked(PROPOSAL, nonsense, nonsense, 0)
+    look = selected_preview(PROPOSAL, nonsense, nonsense, 0)
     assert (look.at, look.beside, look.share) == (PROPOSAL.best, None, 0.0)
 
 
 @pytest.mark.parametrize(("moment", "share"), [(-5, 0.0), (0, 0.0), (4, 0.5), (8, 1.0), (10**9, 1.0)])
 def test_a_moment_is_a_share_of_the_horizon_from_now_to_the_end(moment: int, share: float) -> None:
-    look = looked(PROPOSAL, "2 random", "3 random", moment)
+    look = selected_preview(PROPOSAL, "2 random", "3 random", moment)
     assert (look.at, look.beside, look.share) == (1, 2, share)
 
 
 def test_a_ghost_is_the_frame_and_the_tool_of_the_moment() -> None:
     branch = PROPOSAL.branches[2]
     for index in range(synthetic.MOMENTS):
-        ghost = looked(PROPOSAL, "3 random", NONE, index).ghost(branch)
+        ghost = selected_preview(PROPOSAL, "3 random", NONE, index).ghost(branch)
         np.testing.assert_array_equal(ghost.particles, branch.frames[index])
         np.testing.assert_array_equal(ghost.tool, branch.tools[index])
 
@@ -61,7 +71,7 @@ def test_a_plan_that_kept_nothing_can_be_looked_at_too() -> None:
     plain = replace(PROPOSAL, branches=tuple(without_frames(branch) for branch in PROPOSAL.branches))
     assert last_moment(plain) == 2
     branch = replace(without_frames(plain.branches[0]), tool_path=np.zeros((0, 3), np.float32))
-    assert np.isnan(looked(plain, "1 policy", NONE, 2).ghost(branch).tool).all()
+    assert np.isnan(selected_preview(plain, "1 policy", NONE, 2).ghost(branch).tool).all()
 
 
 def test_which_motion_is_being_made() -> None:

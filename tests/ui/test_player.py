@@ -9,7 +9,7 @@ import pytest
 from app.core.messages import Proposal
 from app.core.motion import Motion
 from app.recording.read.event_index import Mark
-from app.ui.playback import SPEEDS, shown
+from app.ui.playback import SPEEDS, moment_text
 from app.ui.player import FASTEST, STRIDE_S, Player, Reel
 from app.ui.replanning import Replanned, ReplanRequest, card, rows
 from tests.ui import synthetic
@@ -126,5 +126,5 @@ def test_a_moment_without_a_plan_is_compared_with_none():
 
 def test_the_moment_is_said_in_words():
     player = playing(time_s=5.5, speed=2.0)
-    assert "<b>5.50 s</b> of 10.00 s" in shown(REEL, player.where)
-    assert "motion 2 of 3, playing 2\N{MULTIPLICATION SIGN}" in shown(REEL, player.where)
+    assert "<b>5.50 s</b> of 10.00 s" in moment_text(REEL, player.where)
+    assert "motion 2 of 3, playing 2\N{MULTIPLICATION SIGN}" in moment_text(REEL, player.where)

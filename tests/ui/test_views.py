@@ -45,9 +45,9 @@ def server() -> Iterator[ViserServer]:
 )
 def test_the_age_of_a_calibration_is_said_and_an_old_one_is_warned_of(calibrated_at: str, said: str, stale: bool):
     camera = replace(LEFT.camera, calibrated_at=calibrated_at)
-    assert views.calibrated(camera, origin="real", today=TODAY) == (said, stale)
-    assert views.calibrated(camera, origin="simulated", today=TODAY) == ("simulated, exact", False)
-    assert views.calibrated(camera, origin="recorded", today=TODAY) == ("as it was when this was recorded", False)
+    assert views.calibration_age(camera, origin="real", today=TODAY) == (said, stale)
+    assert views.calibration_age(camera, origin="simulated", today=TODAY) == ("simulated, exact", False)
+    assert views.calibration_age(camera, origin="recorded", today=TODAY) == ("as it was when this was recorded", False)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_check_that_was_stood_makes_a_calibration_fresh_and_one_that_was_not_m
     checked_at: str, doubt: str, said: str, stale: bool
 ):
     camera = replace(LEFT.camera, calibrated_at="2026-09-22", checked_at=checked_at, doubt=doubt)
-    assert views.calibrated(camera, origin="real", today=TODAY) == (said, stale)
+    assert views.calibration_age(camera, origin="real", today=TODAY) == (said, stale)
     assert camera.stale(TODAY) == stale
 
 

@@ -33,7 +33,7 @@ def check(
             findings = examine(entry.path)
             if any(finding.grave for finding in findings):
                 bad.append(entry.path)
-            elif note and entry.condition == "whole" and digests.noted(entry.path) is None:
+            elif note and entry.condition == "whole" and digests.stored_digest(entry.path) is None:
                 digests.note(entry.path)
             verdict = ("bad", "red") if entry.path in bad else ("good", "green")
             progress.console.print(Text.assemble(verdict, f"  {entry.path}"))

@@ -37,7 +37,7 @@ def label(
         if entry.condition != "whole":
             raise RecordingError(f"{entry.path} is {entry.condition}; nothing was labelled. {entry.why}".strip())
     for entry in entries:
-        with digests.kept(entry.path):
+        with digests.authorised_change(entry.path):
             relabel(entry.path, told)
         terminal.print(f"{entry.path}: {said}{f', {note}' if note else ''}")
 

@@ -46,7 +46,7 @@ def _print_facts(terminal: Console, found: Entry) -> None:
         "length, size": f"{duration(found.duration_s)}, {size(found.size_bytes)}",
         **{name: metadata.get(name, "") for name in ("task", "rig", "seed", "code_version", "schema_version")},
         "config": metadata.get("config", ""),
-        "SHA-256": digests.noted(found.path) or f"not in {digests.SUMS}",
+        "SHA-256": digests.stored_digest(found.path) or f"not in {digests.SUMS}",
     }
     for label in labels(found.path):
         rows[f"labelled {label.at}"] = " ".join(filter(None, [label.said, f"({label.operator})", label.note]))

@@ -6,7 +6,7 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.errors import ParameterError, UsageError
 
 DICTIONARIES: Final = {"4x4": 4, "5x5": 5, "6x6": 6}
@@ -38,10 +38,10 @@ class Charuco:
         """Raises ParameterError or UsageError where the sizes make no board."""
         if self.dictionary not in DICTIONARIES:
             raise UsageError.unknown("dictionary of markers", self.dictionary, DICTIONARIES)
-        checked("columns", float(self.columns), float(_FEWEST), float(_MOST))
-        checked("rows", float(self.rows), float(_FEWEST), float(_MOST))
-        checked("square_m", self.square_m, 0.005, 0.5)
-        checked("marker_m", self.marker_m, 0.2 * self.square_m, (1 - 2 * _LEAST_BORDER) * self.square_m)
+        check_range("columns", float(self.columns), float(_FEWEST), float(_MOST))
+        check_range("rows", float(self.rows), float(_FEWEST), float(_MOST))
+        check_range("square_m", self.square_m, 0.005, 0.5)
+        check_range("marker_m", self.marker_m, 0.2 * self.square_m, (1 - 2 * _LEAST_BORDER) * self.square_m)
         if self.columns * self.rows // 2 > MARKERS:
             raise ParameterError(
                 f"{self.columns} x {self.rows} squares need {self.columns * self.rows // 2} markers; a dictionary has "

@@ -39,7 +39,7 @@ class Located(NamedTuple):
     cost: float
 
 
-def localized(
+def likeliest_places(
     predictor: Predictor,
     trials: SimulationBatch,
     about: Theta,

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
 from app.discovery.inference.ends import Ends, find_ends, turn_rows
-from app.discovery.inference.localize import Located, localized
+from app.discovery.inference.localize import Located, likeliest_places
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, null_prior, weigh
 from app.discovery.residuals.displacement_field import AFTER, Basis
@@ -202,7 +202,9 @@ def located_of(
         guessed = _candidate_places(predictor, trials, about)
         return {cause: Located(guessed, 0.0) for cause in placed}
     nuisances = _fitted_first(predictor)
-    return localized(predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances))
+    return likeliest_places(
+        predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances)
+    )
 
 
 def _candidate_places(predictor: Predictor, trials: SimulationBatch, about: Theta) -> Float64[np.ndarray, "S 2"]:

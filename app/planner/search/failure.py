@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import TreeConfig, moved, roll_out, start
+from app.planner.search.tree import TreeConfig, roll_out, start, state_after
 from app.sim.diagnosis.object_state import ObjectState
 
 
@@ -31,7 +31,7 @@ def failed_action(search: TreeConfig, request: PlanRequest) -> Failed | None:
     now, actions = grown.now, roll_out(search, grown)
     for depth in range(search.depth):
         action = search.space.project(actions[:, depth], now)
-        path, after = search.space.tool_path(action, now.tool), moved(search, grown.phi, now, action)
+        path, after = search.space.tool_path(action, now.tool), state_after(search, grown.phi, now, action)
         broken = ~np.isfinite(jax.device_get(after.x)).all(axis=(1, 2))
         if broken.any():
             branch = int(np.argmax(broken))

@@ -146,13 +146,13 @@ def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
     now = tree.now
     actions = [search.space.project(tree.first, now)]
     for step in range(search.depth - 1):
-        now = moved(search, tree.phi, now, actions[-1])
+        now = state_after(search, tree.phi, now, actions[-1])
         wanted = search.policy.act(tree.prepared, now).mean if search.guided else tree.later[:, step]
         actions.append(search.space.project(wanted, now))
     return jnp.stack(actions, axis=1)
 
 
-def moved(
+def state_after(
     search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, action: Float[Array, "B A"]
 ) -> PlanningState:
     """The situation after an action of each candidate."""

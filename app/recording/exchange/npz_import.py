@@ -21,13 +21,13 @@ from app.core.errors import RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.types import Cloud, Poses
 from app.recording.exchange.plain_checks import (
+    as_array,
     finite,
     forward,
     offsets,
     plausible_about,
     plausible_cloud,
     plausible_poses,
-    shaped,
     whole_pushes,
 )
 
@@ -173,8 +173,8 @@ def _parse(arrays: Mapping[str, np.ndarray]) -> Plain:
     count = len(clouds)
     tools = _clouds(arrays, "tool", count) if "tool_points" in arrays else [_NOTHING] * count
     plausible_cloud(clouds, about)
-    times = finite("cloud_time", shaped("cloud_time", arrays, (count,), np.float64))
-    episode, push = (shaped(name, arrays, (count,), np.int64) for name in ("cloud_episode", "cloud_push"))
+    times = finite("cloud_time", as_array("cloud_time", arrays, (count,), np.float64))
+    episode, push = (as_array(name, arrays, (count,), np.int64) for name in ("cloud_episode", "cloud_push"))
     forward("cloud_time", times, "cloud_episode", episode)
     phases = _phases(arrays["cloud_phase"], count)
     groups = whole_pushes(times, episode, push, phases, {number: line.times_s for number, line in command.items()})
@@ -221,7 +221,7 @@ def _about(array: np.ndarray) -> dict[str, Any]:
 
 def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> list[Float32[np.ndarray, "_ 3"]]:
     """The points of `kind` split at their offsets, into `count` clouds where that is given."""
-    points = finite(f"{kind}_points", shaped(f"{kind}_points", arrays, (None, 3), np.float32))
+    points = finite(f"{kind}_points", as_array(f"{kind}_points", arrays, (None, 3), np.float32))
     ends = offsets(f"{kind}_offsets", arrays, len(points), count)
     return [points[first:last] for first, last in itertools.pairwise(ends)]
 
@@ -229,7 +229,7 @@ def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> l
 def _tables(arrays: Mapping[str, np.ndarray]) -> dict[int, Cloud]:
     if "table_points" not in arrays:
         return {}
-    episodes: Int64[np.ndarray, " L"] = shaped("table_episode", arrays, (None,), np.int64)
+    episodes: Int64[np.ndarray, " L"] = as_array("table_episode", arrays, (None,), np.int64)
     clouds = _clouds(arrays, "table", len(episodes))
     numbers = episodes.tolist()
     for index, number in enumerate(numbers):
@@ -240,9 +240,9 @@ def _tables(arrays: Mapping[str, np.ndarray]) -> dict[int, Cloud]:
 
 def _tracks(arrays: Mapping[str, np.ndarray], kind: str) -> dict[int, Poseline]:
     """Tracks of one kind, by episode."""
-    times: Float64[np.ndarray, " T"] = finite(f"{kind}_time", shaped(f"{kind}_time", arrays, (None,), np.float64))
-    poses = finite(f"{kind}_pose", shaped(f"{kind}_pose", arrays, (len(times), 7), np.float64))
-    episode = shaped(f"{kind}_episode", arrays, (len(times),), np.int64)
+    times: Float64[np.ndarray, " T"] = finite(f"{kind}_time", as_array(f"{kind}_time", arrays, (None,), np.float64))
+    poses = finite(f"{kind}_pose", as_array(f"{kind}_pose", arrays, (len(times), 7), np.float64))
+    episode = as_array(f"{kind}_episode", arrays, (len(times),), np.int64)
     forward(f"{kind}_time", times, f"{kind}_episode", episode)
     plausible_poses(f"{kind}_pose", times, poses, episode)
     return {

@@ -26,7 +26,7 @@ _COILED: Final = 1.5
 """Largest extent of a cloud, in lengths of the object: it may stretch, and sensors err."""
 
 
-def shaped(
+def as_array(
     name: str, arrays: Mapping[str, np.ndarray], shape: tuple[int | None, ...], kind: type[np.generic]
 ) -> np.ndarray:
     """The array as numbers of `kind`. Raises RecordingError where it has another shape (None: any length) or type."""
@@ -54,7 +54,7 @@ def finite(name: str, array: np.ndarray) -> np.ndarray:
 
 def offsets(name: str, arrays: Mapping[str, np.ndarray], points: int, clouds: int | None) -> Int64[np.ndarray, " L"]:
     """Offsets of the clouds. Raises RecordingError where they do not partition the points."""
-    ends = shaped(name, arrays, (None if clouds is None else clouds + 1,), np.int64)
+    ends = as_array(name, arrays, (None if clouds is None else clouds + 1,), np.int64)
     if not len(ends) or ends[0] != 0:
         raise RecordingError(f"{name}[0] must be 0: the first cloud begins with the first point.")
     back = np.diff(ends) < 0

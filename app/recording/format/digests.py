@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.format.lock import locked
+from app.recording.format.lock import exclusive_folder
 
 SUMS: Final = "SHA256SUMS"
 _SUM: Final = 64
@@ -45,21 +45,21 @@ def forget(path: Path) -> None:
             lines.pop(path.name, None)
 
 
-def noted(path: Path) -> str | None:
+def stored_digest(path: Path) -> str | None:
     """Stored digest of the file, None where there is none. Raises RecordingError where the sums cannot be read."""
     line = _read(path.parent / SUMS).get(path.name)
     return line[:_SUM] if line else None
 
 
 @contextmanager
-def kept(path: Path) -> Generator[None]:
+def authorised_change(path: Path) -> Generator[None]:
     """Authorised change of the file: a digest that was correct before is updated afterwards.
 
     A digest that did not match before goes on not matching; a file without one gets none.
 
     Raises RecordingError as `note`.
     """
-    before = noted(path)
+    before = stored_digest(path)
     sound = before is not None and before == digest(path)
     yield
     if sound:
@@ -70,7 +70,7 @@ def kept(path: Path) -> Generator[None]:
 def _changing(folder: Path) -> Generator[dict[str, str]]:
     """The lines of a folder's sums by file name, rewritten at the end; other lines stay as they are."""
     file = folder / SUMS
-    with locked(folder):
+    with exclusive_folder(folder):
         lines = _read(file)
         try:
             yield lines

@@ -87,7 +87,7 @@ def reading(path: Path) -> Generator[None]:
         ) from error
 
 
-def damaged(path: Path, error: BaseException) -> RecordingError:
+def damage_error(path: Path, error: BaseException) -> RecordingError:
     """The error to raise where reading `path` failed with `error`."""
     return RecordingError(
         f"{path} is damaged ({error or type(error).__name__}); `dipac recover {path}` makes a whole file of what is "
@@ -115,4 +115,4 @@ def _metadata(path: Path) -> dict[str, str] | None:
             records = make_reader(stream).iter_metadata()
             return next((dict(record.metadata) for record in records if record.name == METADATA), None)
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error

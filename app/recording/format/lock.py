@@ -19,7 +19,7 @@ def hold(path: Path) -> int:
     return descriptor
 
 
-def held(path: Path) -> bool:
+def is_being_written(path: Path) -> bool:
     """True while a process is writing the file."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
@@ -34,7 +34,7 @@ def held(path: Path) -> bool:
 
 
 @contextmanager
-def locked(folder: Path) -> Generator[None]:
+def exclusive_folder(folder: Path) -> Generator[None]:
     """Mutual exclusion of programs that change a folder. Raises RecordingError where there is no such folder."""
     try:
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)

@@ -31,7 +31,7 @@ STEPS: Final[Sequence[Step]] = ({"/dipac/health": _doing},)
 """Steps from version 1 to 2, from 2 to 3 and so on. Channels have their names of that version."""
 
 
-def migrated(plain: Plain, topic: str, version: int) -> Plain:
+def migrate_message(plain: Plain, topic: str, version: int) -> Plain:
     """A message on the channel `topic` in a file of `version`, in the newest version's form."""
     for step in STEPS[version - 1 :]:
         if topic in step:
@@ -49,7 +49,7 @@ def decode_of(version: int, data: bytes, topic: str, kind: type[MessageT]) -> Me
 
     Raises as `codec.decode`.
     """
-    return rebuild(migrated(msgspec.json.decode(data), topic, version), kind)
+    return rebuild(migrate_message(msgspec.json.decode(data), topic, version), kind)
 
 
 assert len(STEPS) == SCHEMA_VERSION - 1, "each version has its step from the one before"

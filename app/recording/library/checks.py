@@ -68,7 +68,7 @@ def _version(found: Entry) -> Iterator[RecordingIssue]:
 
 
 def _checksum(path: Path) -> Iterator[RecordingIssue]:
-    noted = digests.noted(path)
+    noted = digests.stored_digest(path)
     if noted is None:
         yield RecordingIssue(grave=False, text=f"no checksum of it in {digests.SUMS}")
     elif noted != digests.digest(path):

@@ -19,7 +19,7 @@ from app.recording.format import digests
 from app.recording.format.channels import METADATA, topic_of
 from app.recording.format.clock_offset import Epoch
 from app.recording.format.codec import encode
-from app.recording.format.integrity import DAMAGE, damaged
+from app.recording.format.integrity import DAMAGE, damage_error
 from app.recording.write.copying import write_records
 from app.recording.write.file import metadata_of
 
@@ -58,7 +58,7 @@ def write_clip(cut: Cut, goal: Path) -> None:
     except OSError as error:
         raise RecordingError(f"Cannot write {goal} ({error.strerror}); see its disk and its folder.") from error
     except DAMAGE as error:
-        raise damaged(cut.session, error) from error
+        raise damage_error(cut.session, error) from error
     finally:
         draft.unlink(missing_ok=True)
 

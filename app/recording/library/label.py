@@ -9,7 +9,7 @@ from typing import Final, Literal, Self, TypeAlias, final, get_args
 from mcap.reader import make_reader
 
 from app.core.errors import RecordingError
-from app.recording.format.integrity import DAMAGE, damaged, inspect, reading
+from app.recording.format.integrity import DAMAGE, damage_error, inspect, reading
 from app.recording.write.append import append_metadata
 
 LABEL: Final = "dipac.label"
@@ -55,7 +55,7 @@ def labels(path: Path) -> Sequence[Label]:
         try:
             records = [record for record in make_reader(stream).iter_metadata() if record.name == LABEL]
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
     return [Label.read(record.metadata) for record in records]
 
 

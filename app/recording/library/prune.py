@@ -9,7 +9,7 @@ from typing import final
 
 from app.core.errors import RecordingError
 from app.recording.format import digests
-from app.recording.format.lock import held
+from app.recording.format.lock import is_being_written
 from app.recording.library.recording_index import Entry
 
 _DAY_S, _JUST_S = 86400.0, 600.0
@@ -48,7 +48,7 @@ def prunable(entries: Sequence[Entry], rule: Rule, *, now_s: float | None = None
 def discard(path: Path) -> None:
     """Delete a recording and its checksum. Raises RecordingError where that fails, or it is being written."""
     try:
-        if held(path):
+        if is_being_written(path):
             raise RecordingError(f"{path} is being written; it stays.")
         path.unlink()
     except OSError as error:

@@ -16,7 +16,7 @@ from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.messages import Fault, Outcome, Transition
 from app.recording.format.channels import METADATA, topic_of
 from app.recording.format.integrity import DAMAGE, ends_as_mcap, inspect, starts_as_mcap
-from app.recording.format.lock import held
+from app.recording.format.lock import is_being_written
 from app.recording.library.label import LABEL, Label
 
 Condition: TypeAlias = Literal["whole", "recording", "cut off", "unreadable"]
@@ -131,7 +131,7 @@ def entry(path: Path) -> Entry:
     size_bytes = 0
     try:
         size_bytes = path.stat().st_size
-        if held(path):
+        if is_being_written(path):
             return _unfinished_entry(path, size_bytes, "recording", "")
         if not ends_as_mcap(path) and starts_as_mcap(path):
             return _unfinished_entry(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")

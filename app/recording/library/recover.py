@@ -14,7 +14,7 @@ from mcap.summary import Summary
 from app.core.errors import RecordingError
 from app.recording.format import digests
 from app.recording.format.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
-from app.recording.format.lock import held
+from app.recording.format.lock import is_being_written
 from app.recording.library.label import LABEL, labels
 from app.recording.write.append import append_metadata
 from app.recording.write.copying import write_records
@@ -48,7 +48,7 @@ def recover(path: Path) -> Recovered:
         require_file(path)
         if not starts_as_mcap(path):
             raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
-        if held(path):
+        if is_being_written(path):
             raise RecordingError(f"{path} is being written; end the program that records it first.")
     goal = path.with_name(f"{path.stem}.recovered.mcap")
     draft = goal.with_suffix(".draft")

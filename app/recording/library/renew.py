@@ -13,8 +13,8 @@ from app.core.errors import RecordingError
 from app.recording.format import digests
 from app.recording.format.channels import KINDS, METADATA, SCHEMA_VERSION, record_of
 from app.recording.format.codec import schema
-from app.recording.format.integrity import DAMAGE, damaged, inspect, version_of
-from app.recording.format.migrate import changed_since, migrated
+from app.recording.format.integrity import DAMAGE, damage_error, inspect, version_of
+from app.recording.format.migrate import changed_since, migrate_message
 from app.recording.write.copying import write_records
 from app.recording.write.replace import replace_file
 
@@ -29,13 +29,13 @@ def renew(path: Path) -> bool:
     version = version_of(inspect(path))
     if version == SCHEMA_VERSION:
         return False
-    with digests.kept(path), replace_file(path) as (old, new):
+    with digests.authorised_change(path), replace_file(path) as (old, new):
         try:
             counted, written = _count(old), write_records(_records(old, version), new)
         except OSError:
             raise
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
         if counted != written:
             raise RecordingError(f"{path} has {written} messages, and its summary counts {counted}; it stays as it is.")
     return True
@@ -55,7 +55,7 @@ def _records(path: Path, version: int) -> Iterator[McapRecord]:
                     topics[channel_id] = topic
                     yield from _describe(record)
                 case Message(channel_id=channel_id) if channel_id in topics:
-                    plain = migrated(msgspec.json.decode(record.data), topics[channel_id], version)
+                    plain = migrate_message(msgspec.json.decode(record.data), topics[channel_id], version)
                     record.data = msgspec.json.encode(plain)
                     yield record
                 case _:

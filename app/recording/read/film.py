@@ -12,7 +12,7 @@ from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Frame
 from app.recording.format.index import Times, frame_times, log_times
-from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.format.integrity import DAMAGE, damage_error, inspect, reading, version_of
 from app.recording.read.reader import logged_messages
 
 _TOGETHER_NS: Final = 200_000_000
@@ -49,7 +49,7 @@ def read_film(path: Path) -> Film:
             first_ns, last_ns = _span(path, times)
             cameras = {name: _camera(path, reader, version, name, times[name][0]) for name in sorted(times)}
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
     return Film(
         path=path,
         cameras=cameras,
@@ -73,7 +73,7 @@ def film_frames(film: Film) -> Iterator[Frame]:
                 if isinstance(logged.message, Frame):
                     yield _of(film, logged.message)
         except DAMAGE as error:
-            raise damaged(film.path, error) from error
+            raise damage_error(film.path, error) from error
 
 
 def film_states(film: Film) -> list[ArmState]:
@@ -83,7 +83,7 @@ def film_states(film: Film) -> list[ArmState]:
             logged = logged_messages(make_reader(stream, validate_crcs=True), (ArmState,), film.version)
             found = [each.message for each in logged if isinstance(each.message, ArmState)]
         except DAMAGE as error:
-            raise damaged(film.path, error) from error
+            raise damage_error(film.path, error) from error
     return sorted(found, key=lambda state: state.time_s)
 
 

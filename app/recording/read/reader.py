@@ -14,7 +14,7 @@ from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame, Message, Particles, Transition
 from app.recording.format.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
-from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.format.integrity import DAMAGE, damage_error, inspect, reading, version_of
 from app.recording.format.migrate import decode_of
 from app.recording.format.protobuf import bytes_field
 from app.recording.format.records import FrameRecord, ParticlesRecord
@@ -65,7 +65,7 @@ def read_cameras(path: Path) -> list[CameraModel]:
                 camera = decode_of(version, message.data, TOPICS[Frame], FrameRecord).camera
                 cameras[camera.name] = camera
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
     return list(cameras.values())
 
 
@@ -100,7 +100,7 @@ def read_pictures(path: Path) -> Iterator[Picture]:
                     jpeg = bytes_field(part.data, _COMPRESSED_IMAGE_DATA)
                     yield Picture(camera.name, record.time_s, camera.width, camera.height, jpeg)
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
 
 
 class _Part(NamedTuple):
@@ -116,7 +116,7 @@ def _messages(path: Path, kinds: Collection[type[Message]], version: int) -> Ite
             for logged in logged_messages(make_reader(stream, validate_crcs=True), kinds, version):
                 yield logged.message
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
 
 
 class Logged(NamedTuple):

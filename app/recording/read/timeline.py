@@ -33,7 +33,7 @@ from app.core.messages import (
 )
 from app.recording.format.channels import KINDS, TOPICS
 from app.recording.format.index import Times, frame_times, log_times
-from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.format.integrity import DAMAGE, damage_error, inspect, reading, version_of
 from app.recording.read.event_index import Mark, marks_of
 from app.recording.read.reader import Logged, logged_messages
 
@@ -89,7 +89,7 @@ def _index(
                 history.append(logged)
                 told((logged.log_time_ns - first_ns) / max(last_ns - first_ns, 1))
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
     offset_ns = first_ns if offset_ns is None else offset_ns
     return Timeline(path, reader, version, times, history, span_ns=(first_ns, last_ns), offset_ns=offset_ns)
 
@@ -201,4 +201,4 @@ class Timeline:
             try:
                 return list(logged_messages(self._reader, kinds, self._version, first_ns=first_ns, last_ns=last_ns))
             except DAMAGE as error:
-                raise damaged(self.path, error) from error
+                raise damage_error(self.path, error) from error

@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from mcap.records import DataEnd, Footer, McapRecord, Metadata, MetadataIndex, SummaryOffset
 from mcap.summary import Summary
 
-from app.recording.format.integrity import DAMAGE, MAGIC, damaged
+from app.recording.format.integrity import DAMAGE, MAGIC, damage_error
 from app.recording.write.replace import replace_file
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
@@ -56,7 +56,7 @@ def _summary_and_end(path: Path) -> tuple[Summary, int, int]:
             if summary is None or opcode != Opcode.FOOTER or kind != Opcode.DATA_END:
                 raise ValueError("its summary is not where its footer says")
         except DAMAGE as error:
-            raise damaged(path, error) from error
+            raise damage_error(path, error) from error
     return summary, end, crc
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from app.core.errors import RecordingError
-from app.recording.format.lock import held, locked
+from app.recording.format.lock import exclusive_folder, is_being_written
 
 
 @contextmanager
@@ -19,8 +19,8 @@ def replace_file(path: Path) -> Generator[tuple[Path, Path]]:
     refuses.
     """
     old = path.resolve()
-    with locked(old.parent):
-        if held(old):
+    with exclusive_folder(old.parent):
+        if is_being_written(old):
             raise RecordingError(f"{path} is being written; wait for its end.")
         new = old.with_name(f".{old.name}.{os.getpid()}.new")
         try:

@@ -10,7 +10,7 @@ from typing import final
 
 import numpy as np
 
-from app.report.drawing.markup import Child, Markup, joined, short, tag
+from app.report.drawing.markup import Child, Markup, concat, short, tag
 from app.report.drawing.words import decimal
 
 
@@ -94,7 +94,7 @@ def svg(width: float, height: float, title: str, description: str, *children: Ch
 
 def axes(p: Plot, x_label: str, y_label: str, *, x_count: int = 5, y_count: int = 5, grid: str = "y") -> Markup:
     """Ticks with numbers and labels; faint lines across along the axes named in `grid`."""
-    return joined([*_x_axis(p, x_label, x_count, "x" in grid), *_y_axis(p, y_label, y_count, "y" in grid)])
+    return concat([*_x_axis(p, x_label, x_count, "x" in grid), *_y_axis(p, y_label, y_count, "y" in grid)])
 
 
 def _x_axis(p: Plot, title: str, count: int, grid: bool) -> Iterable[Markup]:

@@ -7,7 +7,7 @@ from app.discovery.results.case import Case, ResidualField
 from app.report.drawing.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
 from app.report.drawing.ground import ground, surface, table_bounds
 from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import MINUS, decimal, percent
 
 _CELL_M = 0.06
@@ -103,7 +103,7 @@ def _paths(p: Plot, places: np.ndarray, displacements: np.ndarray, shade: float,
         "".join(arrow_path(p.at(places[i]), p.at(ends[i]), head) for i in np.flatnonzero(shades == k))
         for k in range(_SHADES)
     ]
-    return joined(tag("path", d=path, class_=f"arrow shade{k}") for k, path in enumerate(drawn) if path)
+    return concat(tag("path", d=path, class_=f"arrow shade{k}") for k, path in enumerate(drawn) if path)
 
 
 def _key(p: Plot, times: float) -> Markup:
@@ -112,7 +112,7 @@ def _key(p: Plot, times: float) -> Markup:
     end = (p.x.end - 14, p.y.start - 14)
     start = (end[0] - (p.x(size * 1e-3 * times) - p.x(0.0)), end[1])
     text = label(end[0], end[1] - 9, f"{size:g} mm", "key", anchor="end")
-    return joined([tag("path", d=arrow_path(start, end, 8.0), class_="key-arrow"), text])
+    return concat([tag("path", d=arrow_path(start, end, 8.0), class_="key-arrow"), text])
 
 
 def _magnification(sizes: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from app.discovery.results.case import Case
 from app.report.drawing.chart import Plot, arrow_path, axes, dots, plot, polyline
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 
 Flat: TypeAlias = Float[np.ndarray, "_ _"]
 """Points, shape (M, 2) or (M, 3), of which the first two columns are x and y [m]; many clouds of many sizes."""
@@ -64,7 +64,7 @@ def ground(within: Bounds, width: float, tallest: float = 620.0) -> Plot:
 def surface(p: Plot) -> Markup:
     """The table top with its axes."""
     top = tag("rect", x=p.x.start, y=p.y.end, width=p.x.end - p.x.start, height=p.y.start - p.y.end, class_="ground")
-    return joined([top, axes(p, "x [m]", "y [m]", grid="xy")])
+    return concat([top, axes(p, "x [m]", "y [m]", grid="xy")])
 
 
 def cloud(p: Plot, points: Flat, kind: str) -> Markup:
@@ -85,4 +85,4 @@ def way(p: Plot, positions: Flat, kind: str = "tool") -> Markup:
         return dots(moves, f"{kind}-start")
     back = moves[-min(len(moves), 8)]
     head = tag("path", d=arrow_path(back, moves[-1], 11.0), class_=kind)
-    return joined([polyline(moves, kind), head, dots(moves[:1], f"{kind}-start")])
+    return concat([polyline(moves, kind), head, dots(moves[:1], f"{kind}-start")])

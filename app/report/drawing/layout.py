@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from app.report.drawing.markup import Child, Markup, joined, tag
+from app.report.drawing.markup import Child, Markup, concat, tag
 
 
 def section(ident: str, number: int, title: str, question: str, *children: Child) -> Markup:
@@ -45,7 +45,7 @@ def table(
     """A table; columns in `numbers` are set flush right."""
 
     def cells(name: str, row: Sequence[Child]) -> Markup:
-        return joined(tag(name, cell, class_="n" if index in numbers else None) for index, cell in enumerate(row))
+        return concat(tag(name, cell, class_="n" if index in numbers else None) for index, cell in enumerate(row))
 
     head = tag("thead", tag("tr", cells("th", heads)))
     body = tag("tbody", *(tag("tr", cells("td", row)) for row in rows))

@@ -26,10 +26,10 @@ def tag(name: str, /, *children: Child, **attributes: Attribute) -> Markup:
     written = "".join(_attribute(key, value) for key, value in attributes.items())
     if name in _VOID:
         return Markup(f"<{name}{written}>")
-    return Markup(f"<{name}{written}>{joined(children).text}</{name}>")
+    return Markup(f"<{name}{written}>{concat(children).text}</{name}>")
 
 
-def joined(children: Iterable[Child], between: str = "") -> Markup:
+def concat(children: Iterable[Child], between: str = "") -> Markup:
     """Concatenated elements and text."""
     return Markup(
         escape(between).join(child.text if isinstance(child, Markup) else escape(child) for child in children)

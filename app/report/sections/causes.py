@@ -7,7 +7,7 @@ import numpy as np
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import details, figure, paragraph, table
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
 from app.report.drawing.words import best, decimal, effect_name, interval, percent, title
 
@@ -29,7 +29,7 @@ def causes(case: Case) -> Markup:
         return paragraph("No cause was weighed: there are too few pushes.")
     first, others = ordered[:_FIRST], ordered[_FIRST:]
     shown = _table(first, chosen)
-    return joined([shown, details(f"{len(others)} less likely causes", _table(others, chosen))]) if others else shown
+    return concat([shown, details(f"{len(others)} less likely causes", _table(others, chosen))]) if others else shown
 
 
 def _table(blames: list[CauseResult], chosen: set[str]) -> Markup:
@@ -41,7 +41,7 @@ def _table(blames: list[CauseResult], chosen: set[str]) -> Markup:
 def _row(blame: CauseResult, chosen: bool) -> tuple[Markup, str, Markup, str, str, str]:
     whole = size(blame)
     numbers = (whole.value, whole.low, whole.high, whole.unit)
-    name = joined(
+    name = concat(
         [
             tag("b", title(blame.effect), class_="chosen" if chosen else None),
             tag("small", f"{blame.family} \N{MIDDLE DOT} {_about(blame)}"),
@@ -117,9 +117,9 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
     )
     heat = tag("rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="heat", opacity=f"{known:.2f}")
     if known < _NUMBERED_FROM or side < _NARROW:
-        return joined([box, heat])
+        return concat([box, heat])
     kind = "cell on" if known > 0.7 else "cell"
-    return joined([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])
+    return concat([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])
 
 
 def _confusion_text(case: Case) -> str:

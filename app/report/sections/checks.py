@@ -6,7 +6,7 @@ from app.core.dialogue.words import NOTHING, sentence
 from app.discovery.results.case import Case, Check
 from app.report.drawing.chart import Axis, line, svg
 from app.report.drawing.layout import paragraph, table
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import best, decimal, display, interval, with_symbol
 
 _WIDTH, _HEIGHT = 150.0, 22.0
@@ -26,12 +26,12 @@ def checks(case: Case) -> Markup:
     )
     heads = ("", "Check", "Measured", "90 % interval", "Right would be", "Bar: interval; tick: right value")
     rows = [_row(check) for check in case.checks]
-    return joined([paragraph(said, "lead"), table(heads, rows, numbers=(2, 3, 4), kind="checks")])
+    return concat([paragraph(said, "lead"), table(heads, rows, numbers=(2, 3, 4), kind="checks")])
 
 
 def _row(check: Check) -> tuple[Markup, Markup, str, str, str, Markup]:
     mark = tag("span", "sound" if check.sound else "off", class_=f"mark {'sound' if check.sound else 'unsound'}")
-    name = joined([tag("b", sentence(check.name)), tag("small", check.about)])
+    name = concat([tag("b", sentence(check.name)), tag("small", check.about)])
     numbers = (check.value, check.low, check.high, check.unit)
     return mark, name, best(*numbers), interval(*numbers), _expectation(check), _strip(check)
 

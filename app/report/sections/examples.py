@@ -5,7 +5,7 @@ from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import bounds, cloud, ground, surface, way
 from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
 from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarge, frame, lens
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal
 
 _KEY = (
@@ -26,7 +26,7 @@ def examples(case: Case) -> Markup:
         tag("div", _example(it, index), data_of="example", data_key=str(index), class_="off" if index else None)
         for index, it in enumerate(case.examples)
     ]
-    return joined([chooser("example", "Held-out push", options), *shown])
+    return concat([chooser("example", "Held-out push", options), *shown])
 
 
 def _example(it: Example, index: int) -> Markup:
@@ -60,7 +60,7 @@ def _example(it: Example, index: int) -> Markup:
 
 def _ends(p: Plot, it: Example) -> Markup:
     """The observed object over the predictions of both models."""
-    return joined(
+    return concat(
         [cloud(p, it.nominal, "nominal"), cloud(p, it.extended, "extended"), cloud(p, it.observed, "observed")]
     )
 

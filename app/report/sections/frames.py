@@ -6,7 +6,7 @@ from app.core.dialogue.words import sentence
 from app.discovery.results.case import Case, FrameTest
 from app.report.drawing.chart import Axis, label, line, svg
 from app.report.drawing.layout import paragraph, table
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal, percent
 
 _WIDTH, _HEIGHT = 380.0, 26.0
@@ -20,7 +20,7 @@ def frames(case: Case) -> Markup:
         return paragraph("There is nothing to test: no residuals were measured.")
     rows = [_row(it, first=index == 0) for index, it in enumerate(ordered)]
     heads = ("Frame", "Constant in it", "Share of the mean residual's variance, with 90 % interval")
-    return joined(
+    return concat(
         [
             paragraph(_conclusion(ordered), "lead"),
             table(heads, [*rows, ("", "", _scale())], numbers=(1,), kind="frames"),
@@ -29,7 +29,7 @@ def frames(case: Case) -> Markup:
 
 
 def _row(it: FrameTest, *, first: bool) -> tuple[Markup, str, Markup]:
-    name = joined([tag("b", sentence(it.frame), class_="chosen" if first else None), tag("small", it.about)])
+    name = concat([tag("b", sentence(it.frame), class_="chosen" if first else None), tag("small", it.about)])
     return name, percent(it.explained), _bar(it, "extended" if first else "still")
 
 

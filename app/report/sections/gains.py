@@ -7,7 +7,7 @@ import numpy as np
 from app.discovery.results.case import Case, Gain
 from app.report.drawing.chart import axes, dots, label, line, nice_step, plot, polyline, svg
 from app.report.drawing.layout import columns, figure, legend, paragraph
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal
 from app.report.sections.verdict import gain_sentence
 
@@ -23,7 +23,7 @@ def gains(case: Case) -> Markup:
     key = legend(
         [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model"), ("extended", "extended model")]
     )
-    return joined([paragraph(gain_sentence(case.gain), "lead"), key, columns(*drawn, kind="three")])
+    return concat([paragraph(gain_sentence(case.gain), "lead"), key, columns(*drawn, kind="three")])
 
 
 def _bars(gain: Gain) -> Markup:
@@ -80,7 +80,7 @@ def _steps(case: Case) -> Markup:
         "; ".join(f"after {k + 1}: {decimal(a, 1)} and {decimal(b, 1)} mm" for k, (a, b) in enumerate(values)),
         axes(p, "pushes predicted in a row", "error [mm]", x_count=max(len(values), 1)),
         *(
-            joined([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
+            concat([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
             for curve, kind in zip(curves, ("nominal", "extended"), strict=True)
         ),
     )

@@ -5,7 +5,7 @@ from typing import Final
 
 from app.discovery.results.case import Case
 from app.report.drawing.layout import paragraph
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
 from app.report.drawing.words import best, decimal, interval, title
 from app.report.sections.advice import advice
@@ -80,12 +80,12 @@ def scope(case: Case) -> Markup:
     )
     listed = tag("dl", *(_count(number, name) for number, name in counts), class_="counts")
     if not case.limits:
-        return joined([listed, paragraph("Nothing that these data lack limits the verdict.")])
+        return concat([listed, paragraph("Nothing that these data lack limits the verdict.")])
     limits = (
         tag("li", tag("b", limit.text), " ", limit.consequence, class_="fatal" if limit.fatal else None)
         for limit in case.limits
     )
-    return joined([listed, tag("h3", "What these data cannot show"), tag("ul", *limits, class_="limits")])
+    return concat([listed, tag("h3", "What these data cannot show"), tag("ul", *limits, class_="limits")])
 
 
 def _count(number: int, name: str) -> Markup:

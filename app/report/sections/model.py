@@ -6,7 +6,7 @@ from app.core.dialogue.words import duration, sentence
 from app.discovery.results.case import Case, Estimate
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import figure, paragraph, table
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import best, decimal, display, effect_name, interval, title, with_symbol
 
 _WIDTH, _ROW, _LABELS = 780.0, 24.0, 190.0
@@ -26,14 +26,14 @@ def model(case: Case) -> Markup:
     if not rows:
         return paragraph("There is no extended model: nothing was found to extend it by.")
     heads = ("Part", "Parameter", "Value", "90 % interval", "Nominal model")
-    return joined([formula, table(heads, rows, numbers=(2, 3, 4), kind="model")])
+    return concat([formula, table(heads, rows, numbers=(2, 3, 4), kind="model")])
 
 
 def _row(part: str, it: Estimate) -> tuple[str, Markup, str, str, str]:
     numbers = (it.value, it.low, it.high, it.unit)
     shown = display(it.unit, it.value, it.low, it.high)
     null = with_symbol(decimal(it.null * shown.factor, _places(it.null * shown.factor)), shown)
-    name = joined([tag("b", sentence(effect_name(it.name))), tag("small", it.about)])
+    name = concat([tag("b", sentence(effect_name(it.name))), tag("small", it.about)])
     return part, name, best(*numbers), interval(*numbers), null
 
 

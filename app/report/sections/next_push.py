@@ -6,7 +6,7 @@ from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.lens import close_up, enlarge, frame, lens
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import best, effect_name
 
 _KINDS = ("end0", "end1", "end2", "end3")
@@ -18,7 +18,7 @@ def next_push(case: Case) -> Markup:
     if push is None:
         return paragraph("No push is proposed: there is nothing left that one would tell apart.")
     side = tag("div", _detail(push), _numbers(push)) if len(push.ends) > 1 else _numbers(push)
-    return joined([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
+    return concat([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
 
 
 def _drawing(case: Case, push: NextPush) -> Markup:
@@ -45,7 +45,7 @@ def _detail(push: NextPush) -> Markup:
 
 
 def _ends(p: Plot, push: NextPush) -> Markup:
-    return joined(cloud(p, end, kind) for end, kind in zip(push.ends, _kinds(push), strict=True))
+    return concat(cloud(p, end, kind) for end, kind in zip(push.ends, _kinds(push), strict=True))
 
 
 def _kinds(push: NextPush) -> list[str]:
@@ -66,4 +66,4 @@ def _numbers(push: NextPush) -> Markup:
         ("To", f"({end[0]:.2f}, {end[1]:.2f}) m"),
         ("It takes", duration(float(push.track.times_s[-1] - push.track.times_s[0]))),
     )
-    return tag("dl", *(joined([tag("dt", name), tag("dd", value)]) for name, value in rows), class_="facts")
+    return tag("dl", *(concat([tag("dt", name), tag("dd", value)]) for name, value in rows), class_="facts")

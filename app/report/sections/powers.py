@@ -5,7 +5,7 @@ import math
 from app.discovery.results.case import Case, Power
 from app.report.drawing.chart import Axis, arrow_path, label, line, svg
 from app.report.drawing.layout import details, figure, paragraph, table
-from app.report.drawing.markup import Markup, joined, tag
+from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal, effect_name, of, quantity, title
 
 _ROW, _WIDTH, _LABELS, _NUMBERS = 26.0, 780.0, 220.0, 170.0
@@ -30,7 +30,7 @@ def powers(case: Case) -> Markup:
         ],
         numbers=(2, 3),
     )
-    return joined([_figure(drawn, worst), details(f"All {len(case.powers)} parameters", all_numbers)])
+    return concat([_figure(drawn, worst), details(f"All {len(case.powers)} parameters", all_numbers)])
 
 
 def _worst(given: tuple[Power, ...]) -> list[Power]:
@@ -84,11 +84,11 @@ def _row(x: Axis, it: Power, y: float) -> Markup:
     number = label(_WIDTH - _NUMBERS + 14, y + 4, text, "tick")
     kind = "unsound" if share > 1 else "sound"
     if share > _HIGH:
-        return joined(
+        return concat(
             [name, number, tag("path", d=arrow_path((x.end - 26, y), (x.end - 2, y), 7.0), class_=f"beyond {kind}")]
         )
     at = x(math.log10(max(share, _LOW)))
-    return joined(
+    return concat(
         [
             name,
             number,

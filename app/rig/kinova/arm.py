@@ -9,7 +9,7 @@ from app.config import Site
 from app.rig.kinova.arm_configuration_check import DELIVERED, Holds
 from app.rig.kinova.client.clients import DEFAULT
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.control import taken
+from app.rig.kinova.control import connect_arm
 
 
 def kinova_arm(
@@ -21,4 +21,4 @@ def kinova_arm(
     at rest and the process has ended; where the application is killed the process ends by itself, and where that is
     killed the arm stops by itself.
     """
-    return opened_arm(partial(taken, address, client=client, holds=holds), site)
+    return opened_arm(partial(connect_arm, address, client=client, holds=holds), site)

@@ -44,7 +44,7 @@ class CommandHandle:
         self.over = True
 
 
-def made(
+def execute_path(
     handle: CommandHandle,
     kortex: Kortex,
     grip: Callable[[float], None],

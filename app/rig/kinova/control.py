@@ -44,7 +44,7 @@ def measured_joints(seen: ArmFeedback) -> Joints:
     return seen.joints
 
 
-def taken(
+def connect_arm(
     address: Address,
     site: Site,
     client: str = DEFAULT,
@@ -179,7 +179,7 @@ class KinovaControl:
         self._elapsed_s = now_s - self._ticked_s
         self._silence_s = self._silence_s + self._elapsed_s if seen.time_s == self._heard_s else 0.0
         self._heard_s, self._ticked_s = seen.time_s, now_s
-        self.measured = carried(seen, time.monotonic())
+        self.measured = extrapolate_tool(seen, time.monotonic())
         self._look_for_trouble(seen)
         if self._clearing is not None and self._clearing.over:
             self._end_clearing(self._clearing.problem)
@@ -299,7 +299,7 @@ class KinovaControl:
         return f"The arm is in fault: {said} Remove the cause, then press Resume." if said else ""
 
 
-def carried(seen: ArmFeedback, now_s: float) -> ToolPose:
+def extrapolate_tool(seen: ArmFeedback, now_s: float) -> ToolPose:
     """Tool pose at `now_s`, extrapolated from the last measurement by its velocity.
 
     So a log dated by the ticks of a loop has each pose at its time, up to the acceleration within that delay.

@@ -18,8 +18,8 @@ from app.config import Site
 from app.core.errors import DeviceError
 from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.arm_configuration_check import Holds, OwnLimits, check
-from app.rig.kinova.command_handle import CommandHandle, Preempted, made
-from app.rig.kinova.feedback_conversion import ArmFeedback, seen
+from app.rig.kinova.command_handle import CommandHandle, Preempted, execute_path
+from app.rig.kinova.feedback_conversion import ArmFeedback, feedback_of
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.trajectory_segments import TrajectorySegment, in_base
@@ -113,7 +113,7 @@ class Driver:
         told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
         def body(number: int, handle: CommandHandle) -> None:
-            made(handle, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
+            execute_path(handle, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
 
         return self._send(body)
 
@@ -199,7 +199,7 @@ class Driver:
                 said = self._kortex.feedback()
             except (LinkLost, Refused):
                 continue  # One datagram may be lost; the connection reports the loss of many, see `_live`.
-            found = seen(said, time.monotonic(), self._site.limits.opening_m, self._site.table)
+            found = feedback_of(said, time.monotonic(), self._site.limits.opening_m, self._site.table)
             with self._asking:
                 if found is not None and number > self._answered:
                     self._seen, self._answered = found, number

@@ -45,7 +45,7 @@ class ArmFeedback:
     faults: tuple[str, ...]
 
 
-def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> ArmFeedback | None:
+def feedback_of(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> ArmFeedback | None:
     """State from feedback, for fingers that open by `opening_m`; None where a number is not finite.
 
     In the frame of a table at `table`.

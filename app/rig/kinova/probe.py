@@ -10,7 +10,7 @@ from app.rig.kinova.api.errors import NoAnswer
 from app.rig.kinova.arm_configuration_check import Holds, check
 from app.rig.kinova.client.clients import link_by
 from app.rig.kinova.client.link import Address
-from app.rig.kinova.feedback_conversion import ArmFeedback, seen
+from app.rig.kinova.feedback_conversion import ArmFeedback, feedback_of
 from app.rig.kinova.kortex import Kortex
 
 _TRIES: Final = 10
@@ -49,7 +49,7 @@ def _state(kortex: Kortex) -> ArmFeedback:
     """First valid feedback of several: a datagram may be lost, and a number may be NaN for a moment."""
     for _ in range(_TRIES):
         try:
-            found = seen(kortex.feedback(), time.monotonic(), Limits().opening_m)
+            found = feedback_of(kortex.feedback(), time.monotonic(), Limits().opening_m)
         except NoAnswer:
             continue
         if found is not None:

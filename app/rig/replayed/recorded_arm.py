@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from typing import final
 
-from app.core.arm_pose_history import posed
+from app.core.arm_pose_history import pose_at
 from app.core.geometry.arm_geometry import JointAngles, JointState
 from app.core.messages import ArmState
 from app.core.types import ToolPose
@@ -35,4 +35,4 @@ class RecordedArm:
         time_s = self._recorded_s()
         later = bisect_left(self._times_s, time_s)
         around = slice(max(later - 1, 0), later + 1)
-        return posed(list(zip(self._times_s[around], self._postures[around], strict=True)), time_s)
+        return pose_at(list(zip(self._times_s[around], self._postures[around], strict=True)), time_s)

@@ -28,7 +28,7 @@ from app.perception.calibration.drift import drift
 from app.perception.calibration.se3 import angle, inverse, transform
 from app.perception.calibration.sight import BoardDetection, sight
 from app.perception.calibration.solve import CalibrationView
-from app.session.requests.wait_until_still import rested
+from app.session.requests.wait_until_still import until_at_rest
 
 Frames: TypeAlias = Mapping[str, Latest[Frame]]
 """The newest of each camera, by its name."""
@@ -128,7 +128,7 @@ class Calibrating:
         if mode not in _BY_HAND:
             raise UsageError("Views are taken in the modes Idle and By hand, in which nothing is planned; choose one.")
         with self._clock.move_on_after(_REST_S) as waiting:
-            await rested(self._rig.arm, self._site.timing, self._clock)
+            await until_at_rest(self._rig.arm, self._site.timing, self._clock)
         if waiting.cancelled_caught:
             raise DeviceError("The arm does not come to rest; let go of it, and take the view again.")
         before = await self._rig.arm.state()

@@ -18,7 +18,7 @@ from app.core.dialogue.requests import (
 from app.core.messages import Message
 from app.core.system.channel import ChannelFull, Lossless
 from app.session.parts import Parts
-from app.session.requests.wait_until_still import rested
+from app.session.requests.wait_until_still import until_at_rest
 from app.session.stages import SessionStages
 from app.session.state import Interruption, Reconfiguration
 
@@ -91,7 +91,7 @@ class Chores:
         """Begin or end a demonstration; a motion that is being made belongs to what there is, once it was seen."""
         parts = self._parts
         if request.act != "discard":
-            await rested(parts.rig.arm, parts.site.timing, parts.clock, acts=lambda: self._stages.acts)
+            await until_at_rest(parts.rig.arm, parts.site.timing, parts.clock, acts=lambda: self._stages.acts)
         await parts.demonstrating.asked(request, self._opening_messages)
 
     def _opening_messages(self) -> list[Message]:

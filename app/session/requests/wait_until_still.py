@@ -6,7 +6,7 @@ from app.config import Timing
 from app.core.ports import Arm, Clock
 
 
-async def rested(arm: Arm, timing: Timing, clock: Clock, *, acts: Callable[[], bool] = lambda: False) -> None:
+async def until_at_rest(arm: Arm, timing: Timing, clock: Clock, *, acts: Callable[[], bool] = lambda: False) -> None:
     """Wait until nothing is moved, nor has been so lately that it is still being looked at.
 
     `acts`: whether a motion is being made, or what came of it is looked at.

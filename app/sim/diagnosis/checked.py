@@ -20,7 +20,7 @@ from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 
 
-def checked(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Simulate:
+def with_checks(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Simulate:
     """`simulate`, by default a new simulator of `setup`, for use outside of `jax.jit`.
 
     Raises ParameterError for input that no simulation can begin with, and SimulationError where a candidate did not

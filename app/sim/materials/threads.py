@@ -20,7 +20,7 @@ _STEEP = 0.9
 """Cosine between normal and x axis above which the threads are laid along y instead."""
 
 
-def unstretched(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
+def cloth_at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
     """A cloth at rest whose particles are at `x` [m]: the columns of F are its two threads and its normal.
 
     It has no centreline that could be `near`.

@@ -76,7 +76,7 @@ EffectParameters: TypeAlias = Float[jax.Array, "B P"]
 """Parameters of one effect: a row a candidate, a column a parameter."""
 
 
-def unscaled(phi: EffectParameters, _context: RodContext) -> EffectParameters:
+def own_parameters(phi: EffectParameters, _context: RodContext) -> EffectParameters:
     """The effect's parameters themselves."""
     return phi
 
@@ -103,7 +103,7 @@ class RodEffect:
     """Changes `e`: the elastic part of the angle [rad] at a node, once a step; what it loses lasts."""
     lightens: bool = False
     """True if it may make nodes lighter than the scene's, which limits the time step."""
-    numbers: Callable[[jax.Array, RodContext], jax.Array] = unscaled
+    numbers: Callable[[jax.Array, RodContext], jax.Array] = own_parameters
     """The numbers `phi` of the laws (B, P), from the parameters and the context: what is constant is computed here."""
 
     @property

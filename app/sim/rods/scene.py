@@ -7,7 +7,7 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.bounds import checked
+from app.core.bounds import check_range
 
 _SPACING_M = 0.010
 _FEWEST, _MOST = 11, 129
@@ -35,9 +35,9 @@ class Wall:
     def __post_init__(self) -> None:
         """Raises ParameterError for a number that cannot be."""
         for axis in (0, 1):
-            checked("Wall low_m", self.low_m[axis], -_FARTHEST_M, _FARTHEST_M)
-            checked("Wall high_m", self.high_m[axis], self.low_m[axis], _FARTHEST_M)
-        checked("Wall friction", self.friction, 0.0, 5.0)
+            check_range("Wall low_m", self.low_m[axis], -_FARTHEST_M, _FARTHEST_M)
+            check_range("Wall high_m", self.high_m[axis], self.low_m[axis], _FARTHEST_M)
+        check_range("Wall friction", self.friction, 0.0, 5.0)
 
     @classmethod
     def with_gap(cls, x_m: float, gap_m: float, half_length_m: float, thickness_m: float) -> tuple["Wall", "Wall"]:
@@ -80,25 +80,25 @@ class RodScene:
 
     def __post_init__(self) -> None:
         """Raises ParameterError for a number that cannot be."""
-        checked("length_m", self.length_m, 0.02, 10.0)
-        checked("radius_m", self.radius_m, 5e-4, 0.05)
-        checked("mass_kg", self.mass_kg, 1e-4, 10.0)
-        checked("finger_radius_m", self.finger_radius_m, 1e-3, 0.05)
-        checked("finger_half_width_m", self.finger_half_width_m, 0.0, 0.05)
-        checked("finger_yaw_rad", self.finger_yaw_rad, -2 * pi, 2 * pi)
-        checked("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
-        checked("spacing_m", self.spacing_m, 1e-3, 0.1)
-        checked("dt_s", self.dt_s, 1e-6, 2e-3)
-        checked("nodes, of length_m and spacing_m,", float(self.nodes), float(_FEWEST), float(_MOST))
+        check_range("length_m", self.length_m, 0.02, 10.0)
+        check_range("radius_m", self.radius_m, 5e-4, 0.05)
+        check_range("mass_kg", self.mass_kg, 1e-4, 10.0)
+        check_range("finger_radius_m", self.finger_radius_m, 1e-3, 0.05)
+        check_range("finger_half_width_m", self.finger_half_width_m, 0.0, 0.05)
+        check_range("finger_yaw_rad", self.finger_yaw_rad, -2 * pi, 2 * pi)
+        check_range("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
+        check_range("spacing_m", self.spacing_m, 1e-3, 0.1)
+        check_range("dt_s", self.dt_s, 1e-6, 2e-3)
+        check_range("nodes, of length_m and spacing_m,", float(self.nodes), float(_FEWEST), float(_MOST))
         for wall in self.walls:
             for low, high in zip(wall.low_m, wall.high_m, strict=True):
-                checked("sides of a wall, of low_m and high_m,", high - low, self.rest_m, 2 * _FARTHEST_M)
+                check_range("sides of a wall, of low_m and high_m,", high - low, self.rest_m, 2 * _FARTHEST_M)
         if self.stiffest_n_m2 is not None:
-            checked("stiffest_n_m2", self.stiffest_n_m2, 1e-9, 1.0)
+            check_range("stiffest_n_m2", self.stiffest_n_m2, 1e-9, 1.0)
         if self.mass_shares is not None:
-            checked("number of mass_shares", float(len(self.mass_shares)), float(self.nodes), float(self.nodes))
-            checked("least of mass_shares", min(self.mass_shares), 0.1 / self.nodes, 1.0)
-            checked("sum of mass_shares", sum(self.mass_shares), 0.999, 1.001)
+            check_range("number of mass_shares", float(len(self.mass_shares)), float(self.nodes), float(self.nodes))
+            check_range("least of mass_shares", min(self.mass_shares), 0.1 / self.nodes, 1.0)
+            check_range("sum of mass_shares", sum(self.mass_shares), 0.999, 1.001)
 
     @property
     def nodes(self) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Finger, Rope, Stage
 from app.core.messages import Proposal, fresh_id
@@ -247,14 +247,14 @@ class Task:
         specs = self.parameters()
         for name, value in self.nominal.items():
             spec = specs[index(name)]
-            checked(f"nominal {name}", value, spec.low, spec.high)
+            check_range(f"nominal {name}", value, spec.low, spec.high)
         for name in self.calibrated:
             index(name)
-        checked("horizon", float(self.horizon), 1.0, _LONGEST)
-        checked("time_scale", self.time_scale, 1 / _LARGEST_TIME_SCALE, _LARGEST_TIME_SCALE)
+        check_range("horizon", float(self.horizon), 1.0, _LONGEST)
+        check_range("time_scale", self.time_scale, 1 / _LARGEST_TIME_SCALE, _LARGEST_TIME_SCALE)
         for kind, preset in self.presets.items():
             for name, value in vars(preset).items():
-                checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
+                check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
 
     @property
     def views(self) -> tuple[OrthographicView, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import pi
 
-from app.core.bounds import checked
+from app.core.bounds import check_range
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.tasks.elements.base import Task
@@ -33,7 +33,7 @@ def resize(task: Task, sizes: Mapping[str, float]) -> Task:
     for name, value in sizes.items():
         if name not in SIZES:
             raise UsageError.unknown("size", name, SIZES)
-        checked(name, value, *SIZES[name])
+        check_range(name, value, *SIZES[name])
     finger = {name: value for name, value in sizes.items() if name.startswith(_OF_FINGER)}
     rope = {name: value for name, value in sizes.items() if name not in finger}
     of_finger = {name.removeprefix(_OF_FINGER): value for name, value in finger.items()}

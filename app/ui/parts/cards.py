@@ -151,7 +151,7 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
     age_s, limit = now_s - proposal.time_s, f"of {words.duration(moved.max_age_s)}" if moved else ""
     yield "Age", f"{words.duration(age_s)} <small>{limit}</small>"
     if moved and math.isfinite(moved.drift_m):
-        far = toned(f"{moved.drift_m * 1e3:.1f} mm", moved.share > _FAR, moved.share > 1)
+        far = in_colour(f"{moved.drift_m * 1e3:.1f} mm", moved.share > _FAR, moved.share > 1)
         yield "Object moved since", f"{far} <small>of {moved.max_drift_m * 1e3:.0f} mm</small>"
     yield "Model", f"version {proposal.model_version}"
     yield "Motion", f"<small title='{proposal.motion.digest()}'>{proposal.motion.digest()[:12]}</small>"
@@ -169,24 +169,27 @@ def health(board: ConsoleState, now_s: float) -> str:
 def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable[tuple[str, str]]:
     for name, age_s in seen.frame_age_s.items():
         age_s += silent_s
-        yield f"Camera {escape(name)}", toned(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S)
+        yield (
+            f"Camera {escape(name)}",
+            in_colour(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S),
+        )
         if said := seen.cameras.get(name):
-            yield "", toned(escape(said), True, age_s > _FRAME_LOST_S)
+            yield "", in_colour(escape(said), True, age_s > _FRAME_LOST_S)
     age_s = seen.particles_age_s + silent_s
-    yield "Particles", toned(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
+    yield "Particles", in_colour(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
     yield "Plan age, time", f"{words.duration(seen.plan_age_s + silent_s)}, {words.duration(seen.plan_s)}"
     late = seen.arm_period_s > _ARM_PERIOD_LATE_S
-    mode = toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
-    yield "Arm, longest period", f"{mode}, {toned(words.duration(seen.arm_period_s), late, False)}"
+    mode = in_colour(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
+    yield "Arm, longest period", f"{mode}, {in_colour(words.duration(seen.arm_period_s), late, False)}"
     yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
     for parameter in filter(_is_informative, (*model.parameters, *model.apparatus) if model else ()):
         yield f"· {escape(parameter.name.replace('_', ' '))}", _parameter(parameter)
     drops = sum(seen.drops.values())
     listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())
     yield "Dropped", f"<span title='{listed}'>{drops}</span>"
-    yield "Faults", toned(str(seen.faults), seen.faults > 0, False)
+    yield "Faults", in_colour(str(seen.faults), seen.faults > 0, False)
     free = seen.disk_free_bytes
-    yield "Disk free", toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
+    yield "Disk free", in_colour(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
 
 
 def _is_informative(parameter: Parameter) -> bool:
@@ -256,7 +259,7 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
     return "<table>" + "".join(f"<tr><td>{name}</td><td>{value}</td></tr>" for name, value in rows) + "</table>"
 
 
-def toned(text: str, warn: bool, bad: bool) -> str:
+def in_colour(text: str, warn: bool, bad: bool) -> str:
     """Text in the colour of its state."""
     tone = "dp-bad" if bad else "dp-warn" if warn else ""
     return f'<span class="{tone}">{escape(text)}</span>' if tone else escape(text)

@@ -13,7 +13,7 @@ from app.core.dialogue.camera_calibration_messages import BoardSeen, Placing
 from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
 from app.ui.parts import palette
-from app.ui.parts.cards import table, toned
+from app.ui.parts.cards import in_colour, table
 from app.ui.parts.console_state import ConsoleState
 from app.ui.view import overlays
 
@@ -78,19 +78,21 @@ def _camera_table(placing: Placing, today: date) -> str:
     rows = [("Camera", escape(placing.camera)), ("Calibrated or checked", _age(placing.kept_at, today))]
     for checked in placing.checked:
         text = f"{_MM * checked.moved_m:.1f} mm, {checked.turned_deg:.2f}°"
-        rows.append(("Drift", toned(text, False, checked.beyond)))
+        rows.append(("Drift", in_colour(text, False, checked.beyond)))
     return table(rows)
 
 
 def _age(kept_at: str, today: date) -> str:
     """Date of a stored calibration, with a warning where it is old."""
     if not kept_at:
-        return toned("never kept", True, False)
+        return in_colour("never kept", True, False)
     try:
         days = (today - date.fromisoformat(kept_at)).days
     except ValueError:
-        return toned(f"on {escape(repr(kept_at))}, which is no day", True, False)
-    return toned(f"on {escape(kept_at)}{', stale: check it' if days > STALE_DAYS else ''}", days > STALE_DAYS, False)
+        return in_colour(f"on {escape(repr(kept_at))}, which is no day", True, False)
+    return in_colour(
+        f"on {escape(kept_at)}{', stale: check it' if days > STALE_DAYS else ''}", days > STALE_DAYS, False
+    )
 
 
 def _views(placing: Placing) -> str:
@@ -100,7 +102,7 @@ def _views(placing: Placing) -> str:
             cells = words.NOTHING
         else:
             cells = f"{view.error_px:.2f} px, {_MM * view.error_m:.2f} mm, {view.error_deg:.2f}°"
-        said = toned(f"{cells}, left out" if view.outlier else cells, view.outlier, False)
+        said = in_colour(f"{cells}, left out" if view.outlier else cells, view.outlier, False)
         rows += f"<tr><td>View {number}</td><td>{said}</td></tr>"
     return f"<h3>Views</h3><table>{rows}</table>"
 
@@ -115,7 +117,7 @@ def _spread_section(placing: Placing) -> str:
 
 
 def _turn(turn_deg: float) -> str:
-    return toned(f"{turn_deg:.0f}°", turn_deg < _GOOD_TURN_DEG, False)
+    return in_colour(f"{turn_deg:.0f}°", turn_deg < _GOOD_TURN_DEG, False)
 
 
 def _plot(placing: Placing) -> str:

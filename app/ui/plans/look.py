@@ -47,7 +47,7 @@ class PreviewState:
         return BranchFrame(particles[index], tools[index])
 
 
-def looked(proposal: Proposal, at: str, beside: str, moment: int) -> PreviewState:
+def selected_preview(proposal: Proposal, at: str, beside: str, moment: int) -> PreviewState:
     """Selection from the widgets' values; invalid ones become the proposed branch, none beside it, and now."""
     known = {name: index for index, name in enumerate(names(proposal))}
     branch = known.get(at, proposal.best)

@@ -11,7 +11,7 @@ from app.ui.parts.operator_controller import OperatorController
 from app.ui.plans import cards
 from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts
-from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, names
+from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, names, selected_preview
 from app.ui.view.scene import ConsoleScene
 from app.ui.view.tool import Flat
 
@@ -43,7 +43,7 @@ class Plans:
             self._offer(board.shown)
             self._ghosts.become(Flat.of(board.episode.task) if board.episode else None)
         proposal = board.shown
-        look = looked(proposal, self._at.value, self._beside.value, self._moment.value) if proposal else None
+        look = selected_preview(proposal, self._at.value, self._beside.value, self._moment.value) if proposal else None
         state = (proposal, board.goal, look and (look.at, look.beside, look.share))
         if state != self._drawn:
             self._drawn = state

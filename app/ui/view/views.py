@@ -10,7 +10,7 @@ from app.core.dialogue import words
 from app.core.dialogue.segmentation_message import Seen
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
-from app.ui.parts.cards import table, toned
+from app.ui.parts.cards import in_colour, table
 from app.ui.parts.console_state import ConsoleState
 
 Origin: TypeAlias = Literal["simulated", "recorded", "real"]
@@ -58,9 +58,12 @@ def _camera_rows(
         yield "Pixels in preview", _count(previewed, warn=previewed == 0)
     age_s = now_s - frame.time_s
     fresh = "of the recording" if origin == "recorded" else "live"
-    yield "Picture", toned(f"{words.duration(float(round(age_s)))} old", True, False) if age_s > _LATE_S else fresh
-    text, stale = calibrated(frame.camera, origin=origin, today=today)
-    yield "Calibrated", toned(text, stale, False)
+    yield (
+        "Picture",
+        in_colour(f"{words.duration(float(round(age_s)))} old", True, False) if age_s > _LATE_S else fresh,
+    )
+    text, stale = calibration_age(frame.camera, origin=origin, today=today)
+    yield "Calibrated", in_colour(text, stale, False)
 
 
 def _origin(episode: Episode | None) -> Origin:
@@ -69,7 +72,7 @@ def _origin(episode: Episode | None) -> Origin:
     return "recorded" if episode.rig == "replayed" else "simulated"
 
 
-def calibrated(camera: CameraModel, *, origin: Origin, today: date) -> tuple[str, bool]:
+def calibration_age(camera: CameraModel, *, origin: Origin, today: date) -> tuple[str, bool]:
     """Age of the calibration, in words, and True where it should be renewed."""
     if origin != "real":
         return {"simulated": "simulated, exact", "recorded": "as it was when this was recorded"}[origin], False
@@ -97,11 +100,11 @@ def clouds(counts: Mapping[str, int]) -> str:
 def _apart(length_m: float) -> str:
     if not math.isfinite(length_m):
         return words.NOTHING
-    return toned(f"{_MM * length_m:.1f} mm", length_m > APART_M, False)
+    return in_colour(f"{_MM * length_m:.1f} mm", length_m > APART_M, False)
 
 
 def _count(count: int, *, warn: bool) -> str:
-    return toned(_thousands(count), warn, False)
+    return in_colour(_thousands(count), warn, False)
 
 
 def _thousands(count: int) -> str:

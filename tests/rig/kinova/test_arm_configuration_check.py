@@ -14,7 +14,7 @@ from app.rig.kinova.api.setup import ToolConfiguration
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.arm_configuration_check import Holds
 from app.rig.kinova.client.client import OwnLink
-from app.rig.kinova.control import KinovaControl, taken
+from app.rig.kinova.control import KinovaControl, connect_arm
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
@@ -36,7 +36,7 @@ def other(arm: FakeProcess) -> Iterator[Kortex]:
 
 
 def held(arm: FakeProcess, holds: Holds | None = None) -> KinovaControl:
-    return taken(address(arm), SITE, holds=holds or Holds())
+    return connect_arm(address(arm), SITE, holds=holds or Holds())
 
 
 def tick(control: KinovaControl) -> bool:

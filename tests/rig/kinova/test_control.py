@@ -17,7 +17,7 @@ from app.core.motion import pointing_down
 from app.core.rejection_codes import Refusal
 from app.rig.kinova import gen3
 from app.rig.kinova.client.client import OwnLink
-from app.rig.kinova.control import KinovaControl, taken
+from app.rig.kinova.control import KinovaControl, connect_arm
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
@@ -80,7 +80,7 @@ class Loop:
 
 @pytest.fixture
 def loop(arm: FakeProcess) -> Iterator[Loop]:
-    loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), SITE))
+    loop = Loop(connect_arm(address(arm, stops_after_s=PATIENT_S), SITE))
     yield loop
     arm.set(FaultInjection())
     loop.end()
@@ -114,7 +114,7 @@ def test_taking_hold_of_an_arm_sets_its_own_limits_and_zones(loop: Loop, arm: Fa
     assert other.forbidden().keys() == {"dipac stand"}
     other.forbid("somebody's", (0.0, 0.0, 2.0), (1.0, 1.0, 1.0))
     other.forbid("dipac earlier", (0.0, 0.0, 2.0), (1.0, 1.0, 1.0))
-    taken(address(arm), SITE).close()
+    connect_arm(address(arm), SITE).close()
     assert other.forbidden().keys() == {"dipac stand", "somebody's"}
     other.close()
     control = loop.control
@@ -127,7 +127,7 @@ def test_taking_hold_of_an_arm_sets_its_own_limits_and_zones(loop: Loop, arm: Fa
 
 def test_no_arm_is_said_before_anything_runs(arm: FakeProcess) -> None:
     with pytest.raises(DeviceError, match="check its power"):
-        taken(dataclasses.replace(address(arm), tcp_port=1), SITE)
+        connect_arm(dataclasses.replace(address(arm), tcp_port=1), SITE)
 
 
 def test_an_arm_beside_a_table_that_is_lower_turned_and_shifted_is_told_in_the_frame_of_its_base(
@@ -141,7 +141,7 @@ def test_an_arm_beside_a_table_that_is_lower_turned_and_shifted_is_told_in_the_f
 
     box = Workspace(low=(0.3, -0.3, 0.02), high=(0.7, 0.4, 0.5))
     site = Site(limits=Limits(speed_m_s=0.25, workspace=box, keep_out=(STAND,)), table=table)
-    loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), site))
+    loop = Loop(connect_arm(address(arm, stops_after_s=PATIENT_S), site))
     try:
         assert in_base(tuple(loop.control.measured[:3])) == pytest.approx(START, abs=1e-3)
         way = [(0.45, 0.1, 0.2), (0.55, -0.05, 0.05)]
@@ -460,7 +460,7 @@ def test_a_lost_connection_is_a_fault_and_is_made_again(loop: Loop, arm: FakePro
 
 
 def test_an_arm_that_says_no_more_where_it_is_stops(arm: FakeProcess) -> None:
-    loop = Loop(taken(address(arm), SITE))
+    loop = Loop(connect_arm(address(arm), SITE))
     try:
         loop.go((0.45, 0.0, 0.1), speed=0.02)
         until(lambda: arm.look()["moving"])
@@ -479,7 +479,7 @@ def test_a_push_at_the_tool_is_felt(loop: Loop, arm: FakeProcess) -> None:
 
 
 def test_letting_go_of_an_arm_that_moves_stops_it(arm: FakeProcess) -> None:
-    loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), SITE))
+    loop = Loop(connect_arm(address(arm, stops_after_s=PATIENT_S), SITE))
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: arm.look()["moving"])
     loop.end()

@@ -29,7 +29,7 @@ from app.rig.kinova.api.messages import (
 from app.rig.kinova.api.session import Empty, SessionInfo
 from app.rig.kinova.api.setup import Point, ProtectionZone, ZoneShape
 from app.rig.kinova.client.client import OwnLink
-from app.rig.kinova.client.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
+from app.rig.kinova.client.wire import MAGIC, FrameKind, KortexFrame, Splitter, decode_frame
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.fingers import FULL_S, Fingers
 from app.rig.kinova.emulator.process import FakeProcess
@@ -222,7 +222,7 @@ def test_unknown_calls_sessions_and_messages_are_answered_with_errors(arm: FakeP
             splitter = Splitter()
             while not (found := splitter.feed(raw.recv(4096))):
                 continue
-            return decoded(found[0])
+            return decode_frame(found[0])
 
         nobody = asked(KortexFrame(kind=FrameKind.REQUEST, service=2, function=175, session=999))
         assert (nobody.error, nobody.sub_error) == (1, 12)

@@ -10,10 +10,10 @@ import pytest
 
 from app.config import Limits, Site
 from app.core.dialogue.jog import Jog
-from app.rig.kinova.control import KinovaControl, taken
+from app.rig.kinova.control import KinovaControl, connect_arm
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.process import FakeProcess
-from app.rig.kinova.feedback_conversion import ArmFeedback, seen
+from app.rig.kinova.feedback_conversion import ArmFeedback, feedback_of
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import address, until
@@ -34,7 +34,7 @@ def told(arm: FakeProcess) -> list[float]:
 @pytest.fixture
 def control(arm: FakeProcess) -> Iterator[KinovaControl]:
     arm.set(FaultInjection(object_at=OBJECT))
-    control = taken(address(arm), SITE)
+    control = connect_arm(address(arm), SITE)
     yield control
     control.close()
     arm.set(FaultInjection())
@@ -92,7 +92,7 @@ def test_a_hand_that_closes_the_fingers_presses_no_harder(control: KinovaControl
 def test_where_no_current_is_too_high_fingers_close_as_they_are_told(arm: FakeProcess) -> None:
     arm.set(FaultInjection(object_at=OBJECT))
     free = dataclasses.replace(SITE, limits=dataclasses.replace(SITE.limits, gripper_ma=None))
-    control = taken(address(arm), free)
+    control = connect_arm(address(arm), free)
     fingers(control, 0.0)
     assert arm.look()["current_ma"] > MOST_MA
     assert told(arm) == [1.0]
@@ -102,7 +102,7 @@ def test_where_no_current_is_too_high_fingers_close_as_they_are_told(arm: FakePr
 
 @pytest.fixture
 def measured(kortex: Kortex) -> ArmFeedback:
-    found = seen(kortex.feedback(), 0.0, OPEN_M)
+    found = feedback_of(kortex.feedback(), 0.0, OPEN_M)
     assert found is not None
     return found
 

@@ -10,8 +10,8 @@ from app.config import KeepOut, Limits
 from app.core.motion import pointing_down
 from app.rig.kinova import gen3
 from app.rig.kinova.api.feedback import ActuatorFeedback, BaseFeedback, Feedback
-from app.rig.kinova.control import carried
-from app.rig.kinova.feedback_conversion import seen
+from app.rig.kinova.control import extrapolate_tool
+from app.rig.kinova.feedback_conversion import feedback_of
 from app.rig.kinova.trajectory_segments import BLEND_M, stretches
 from app.rig.kinova.workspace_limiter import LATE_S, hold_back
 
@@ -85,38 +85,40 @@ def measured() -> Feedback:
 
 
 def test_what_was_measured_is_said_in_radians_and_quaternions() -> None:
-    found = seen(measured(), 5.0, OPENING_M)
+    found = feedback_of(measured(), 5.0, OPENING_M)
     assert found is not None
     assert found.tool == pytest.approx(np.array([0.4, 0, 0, 0, 1, 0, 0, 0]))
     assert found.joints[[0, 2]] == pytest.approx(np.radians([10.0, -10.0]))
     assert found.force == pytest.approx([0, 0, -3.0])
     assert (found.ready, found.still, found.faults) == (True, True, ())
     upside = dataclasses.replace(measured(), base=BaseFeedback(active_state=7, tool_pose_theta_x=-180.0))
-    again = seen(upside, 5.0, OPENING_M)
+    again = feedback_of(upside, 5.0, OPENING_M)
     assert again is not None
     assert again.tool[3:7] == pytest.approx([0, 1, 0, 0])
 
 
 def test_a_tool_that_moves_is_as_much_further_now_as_it_was_seen_earlier() -> None:
     moving = dataclasses.replace(measured(), base=BaseFeedback(tool_pose_x=0.4, tool_twist_linear_y=0.2))
-    found = seen(moving, 5.0, OPENING_M)
+    found = feedback_of(moving, 5.0, OPENING_M)
     assert found is not None
-    assert carried(found, 5.01)[:3] == pytest.approx([0.4, 0.002, 0.0])
-    assert carried(found, 9.0)[:3] == pytest.approx([0.4, 0.01, 0.0])
-    still = seen(measured(), 5.0, OPENING_M)
+    assert extrapolate_tool(found, 5.01)[:3] == pytest.approx([0.4, 0.002, 0.0])
+    assert extrapolate_tool(found, 9.0)[:3] == pytest.approx([0.4, 0.01, 0.0])
+    still = feedback_of(measured(), 5.0, OPENING_M)
     assert still is not None
-    assert carried(still, 5.01) == pytest.approx(still.tool)
+    assert extrapolate_tool(still, 5.01) == pytest.approx(still.tool)
 
 
 def test_measured_numbers_that_are_none_are_not_believed() -> None:
     broken = dataclasses.replace(measured(), base=BaseFeedback(tool_pose_y=float("nan")))
-    assert seen(broken, 5.0, OPENING_M) is None
-    assert seen(dataclasses.replace(measured(), actuators=()), 5.0, OPENING_M) is None
+    assert feedback_of(broken, 5.0, OPENING_M) is None
+    assert feedback_of(dataclasses.replace(measured(), actuators=()), 5.0, OPENING_M) is None
 
 
 def test_a_fault_of_a_joint_is_a_sentence() -> None:
     hot = ActuatorFeedback(fault_bank_a=1 << 17)
-    found = seen(dataclasses.replace(measured(), actuators=(hot,) * 1 + measured().actuators[1:]), 5.0, OPENING_M)
+    found = feedback_of(
+        dataclasses.replace(measured(), actuators=(hot,) * 1 + measured().actuators[1:]), 5.0, OPENING_M
+    )
     assert found is not None
     assert found.faults == ("Joint 1 has a motor that is too hot; let it cool down.",)
 

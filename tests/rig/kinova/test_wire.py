@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.rig.kinova.api.errors import WireError
-from app.rig.kinova.client.wire import LONGEST_FRAME, MAGIC, FrameKind, KortexFrame, Splitter, decoded
+from app.rig.kinova.client.wire import LONGEST_FRAME, MAGIC, FrameKind, KortexFrame, Splitter, decode_frame
 
 FRAMES = st.builds(
     KortexFrame,
@@ -45,7 +45,7 @@ def test_a_frame_on_a_stream_begins_with_magic_and_length() -> None:
 
 @given(FRAMES)
 def test_a_frame_is_read_as_it_was_written(frame: KortexFrame) -> None:
-    assert decoded(frame.encoded()) == frame
+    assert decode_frame(frame.encoded()) == frame
 
 
 @given(st.lists(FRAMES, max_size=4), st.lists(st.integers(1, 50), max_size=20))
@@ -55,13 +55,13 @@ def test_frames_are_found_however_the_stream_is_cut(frames: list[KortexFrame], c
         found += splitter.feed(stream[:cut])
         stream = stream[cut:]
     found += splitter.feed(stream)
-    assert [decoded(each) for each in found] == frames
+    assert [decode_frame(each) for each in found] == frames
 
 
 @given(st.binary(max_size=80))
 def test_hostile_datagrams_are_a_frame_or_one_error(data: bytes) -> None:
     try:
-        frame = decoded(data)
+        frame = decode_frame(data)
     except WireError:
         return
     assert isinstance(frame, KortexFrame)
@@ -92,11 +92,11 @@ def test_another_protocol_or_a_monstrous_length_is_refused_at_once(data: bytes, 
 
 def test_a_frame_without_header_and_one_of_another_version_are_refused() -> None:
     with pytest.raises(WireError, match="no header"):
-        decoded(b"")
+        decode_frame(b"")
     other = bytearray(KortexFrame(kind=FrameKind.PING).encoded())
     other[6] = 0x20 | other[6] & 0x0F
     with pytest.raises(WireError, match="version 2"):
-        decoded(bytes(other))
+        decode_frame(bytes(other))
 
 
 def test_what_does_not_fit_its_bits_is_not_sent() -> None:

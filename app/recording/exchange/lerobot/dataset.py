@@ -17,7 +17,7 @@ import numpy as np
 
 from app.core.errors import PreflightError, UsageError
 from app.recording.exchange.lerobot import stats
-from app.recording.exchange.lerobot.samples import STATE_NAMES, Samples, sampled
+from app.recording.exchange.lerobot.samples import STATE_NAMES, Samples, read_samples
 from app.recording.library.label import labels
 
 FORMAT: Final = "v3.0"
@@ -58,7 +58,7 @@ def export(
     features: dict[str, Any] = {}
     steps = 0
     with _Steps(tools, folder) as writer:
-        for index, (path, samples) in enumerate(sampled(paths, fps)):
+        for index, (path, samples) in enumerate(read_samples(paths, fps)):
             features = features or _features(samples)
             task = tasks.setdefault(samples.episode.task.replace("_", " "), len(tasks))
             numbers = _numbers(samples, fps=fps, episode=index, first=steps, task=task, success=_is_success(path))

@@ -111,7 +111,7 @@ def _pictures(of_one: Sequence[Picture], at_s: np.ndarray, path: Path) -> Sequen
     return [of_one[index] for index in _newest([picture.time_s for picture in of_one], at_s, path)]
 
 
-def sampled(paths: Sequence[Path], fps: int) -> Iterator[tuple[Path, Samples]]:
+def read_samples(paths: Sequence[Path], fps: int) -> Iterator[tuple[Path, Samples]]:
     """Samples of each recording, all of one kind. Raises RecordingError, naming a file that differs from the first."""
     first: tuple[object, ...] | None = None
     for path in paths:

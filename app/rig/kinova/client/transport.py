@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Protocol, final
 
 from app.rig.kinova.api.errors import LinkLost, WireError
-from app.rig.kinova.client.wire import LONGEST_DATAGRAM, KortexFrame, Splitter, decoded
+from app.rig.kinova.client.wire import LONGEST_DATAGRAM, KortexFrame, Splitter, decode_frame
 
 CONNECT_S, SEND_S = 3.0, 1.0
 
@@ -67,7 +67,7 @@ class TcpTransport:
                     return
                 raise LinkLost("The arm closed the connection.")
             for each in splitter.feed(data):
-                yield decoded(each)
+                yield decode_frame(each)
 
     def _receive(self) -> bytes | None:
         """Received bytes, empty where the peer has closed, None where this side has."""
@@ -117,7 +117,7 @@ class UdpTransport:
             try:
                 data = self._socket.recv(LONGEST_DATAGRAM)
                 if data:
-                    yield decoded(data)
+                    yield decode_frame(data)
             except WireError:
                 self.garbled += 1
             except TimeoutError:

@@ -88,7 +88,7 @@ class KortexFrame:
         return MAGIC + struct.pack(">I", len(data)) + data
 
 
-def decoded(data: bytes) -> KortexFrame:
+def decode_frame(data: bytes) -> KortexFrame:
     """The frame in `data`, a datagram or a part from `Splitter`. Raises WireError where it is invalid."""
     envelope = decode(_Envelope, data)
     if (header := envelope.header) is None:
@@ -119,7 +119,7 @@ class Splitter:
         self._left = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Complete frames so far, each for `decoded`. Raises WireError where the stream is not of this protocol."""
+        """Complete frames so far, each for `decode_frame`. Raises WireError where the stream is not of this protocol."""
         self._left += data
         found = list[bytes]()
         while self._check_magic() and len(self._left) >= _PREFIX:

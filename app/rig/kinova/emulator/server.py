@@ -11,7 +11,7 @@ import numpy as np
 from app.core.system.ring import Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.api.errors import WireError
-from app.rig.kinova.client.wire import FrameKind, KortexFrame, Splitter, decoded
+from app.rig.kinova.client.wire import FrameKind, KortexFrame, Splitter, decode_frame
 from app.rig.kinova.emulator.firmware import Firmware
 
 STATE = np.dtype(
@@ -78,7 +78,7 @@ class Server:
     def datagram(self, data: bytes, address: tuple[str, int]) -> None:
         """Answer a datagram, where it is a request."""
         with contextlib.suppress(WireError):
-            frame = decoded(data)
+            frame = decode_frame(data)
             if frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
                 self._in_background(self._answer_datagram(frame, address))
 
@@ -99,7 +99,7 @@ class Server:
         splitter = Splitter()
         try:
             while data := await reader.read(65536):
-                for frame in map(decoded, splitter.feed(data)):
+                for frame in map(decode_frame, splitter.feed(data)):
                     if late_s := self._late_s():
                         await asyncio.sleep(late_s)  # Later data wait as well.
                     if frame.kind == FrameKind.PING:

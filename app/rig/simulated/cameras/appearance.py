@@ -25,7 +25,7 @@ from app.core.geometry.scene_description import (
 from app.core.types import ToolPose
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
-from app.rig.simulated.worlds.shapes import Surface, bowl, box, hull, turned
+from app.rig.simulated.worlds.shapes import Surface, body_of_revolution, bowl, box, hull
 from app.rig.simulated.worlds.world import Snapshot
 
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
@@ -76,7 +76,7 @@ def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
 def _rod_surface(rod: TaperedRod, frame: Frame) -> Surface:
     heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
     radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
-    return turned(heights, radii, frame, rod.colour)
+    return body_of_revolution(heights, radii, frame, rod.colour)
 
 
 def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
@@ -106,7 +106,7 @@ def _fixture(fixture: Fixture) -> list[Surface]:
         case Mat():
             frame = np.eye(4)
             frame[:2, 3] = fixture.place_m
-            return [turned(np.array([0.0, _MAT_M]), np.full(2, fixture.radius_m), frame, fixture.colour)]
+            return [body_of_revolution(np.array([0.0, _MAT_M]), np.full(2, fixture.radius_m), frame, fixture.colour)]
         case Bowl():
             frame = np.eye(4)
             frame[:3, 3] = fixture.place_m
@@ -121,7 +121,7 @@ def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:
     frame[:3, :3] = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
     frame[:3, 3] = pose[:3]
     heights = np.array([-_FINGER_LENGTH_M, -paddle.half_m[2]])
-    return [box(paddle.half_m, frame, _DARK), turned(heights, np.full(2, _HANDLE_M), tip, _DARK)]
+    return [box(paddle.half_m, frame, _DARK), body_of_revolution(heights, np.full(2, _HANDLE_M), tip, _DARK)]
 
 
 def _finger(finger: Finger, tip: Frame) -> Surface:
@@ -129,7 +129,7 @@ def _finger(finger: Finger, tip: Frame) -> Surface:
     angle = np.radians([0.0, 25.0, 50.0, 75.0, 88.0])
     heights = finger.radius_m * (np.sin(angle) - 1.0)
     heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
-    return turned(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
+    return body_of_revolution(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
 
 
 def _flat_finger(finger: Finger, tip: Frame) -> Surface:
@@ -155,4 +155,4 @@ def _rack_rod(rack: Rack, begin: Vector, end: Vector) -> Surface:
     frame[:3, :3] = np.roll(np.eye(3), 1, axis=0)
     frame[:3, 3] = begin
     heights = np.array([0.0, end[0] - begin[0]])
-    return turned(heights, np.full(2, rack.radius_m), frame, rack.colour)
+    return body_of_revolution(heights, np.full(2, rack.radius_m), frame, rack.colour)

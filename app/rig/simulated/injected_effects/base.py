@@ -134,7 +134,7 @@ def plain(size: float, _rng: np.random.Generator) -> Values:
     return np.array([size])
 
 
-def signed(size: float, rng: np.random.Generator) -> Values:
+def with_random_sign(size: float, rng: np.random.Generator) -> Values:
     """The size with a random sign."""
     return np.array([size * rng.choice([-1.0, 1.0])])
 
@@ -151,14 +151,14 @@ def spatial(size: float, rng: np.random.Generator) -> Values:
     return size * drawn / np.linalg.norm(drawn)
 
 
-def placed(size: float, rng: np.random.Generator) -> Values:
+def with_random_place(size: float, rng: np.random.Generator) -> Values:
     """The size, and a random position x, y in the region of the pushes [m]."""
     return np.array([size, rng.uniform(0.45, 0.65), rng.uniform(-0.15, 0.15)])
 
 
 def signed_placed(size: float, rng: np.random.Generator) -> Values:
-    """As `placed`, with a random sign."""
-    return placed(size * rng.choice([-1.0, 1.0]), rng)
+    """As `with_random_place`, with a random sign."""
+    return with_random_place(size * rng.choice([-1.0, 1.0]), rng)
 
 
 def components(name: str, axes: str, unit: str, typical: float, high: float) -> tuple[InjectedParameter, ...]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, with_random_sign
 
 
 def _bias_depth(shot: SensorImages, values: Values) -> DepthImage:
@@ -17,6 +17,6 @@ def _bias_depth(shot: SensorImages, values: Values) -> DepthImage:
 HIDDEN = Hidden(
     family="sensing",
     quantities=(InjectedParameter(name="depth_bias", unit="m", typical=0.004, high=0.02),),
-    draw=signed,
+    draw=with_random_sign,
     seen=_bias_depth,
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, with_random_sign
 
 
 def _scale_depth(shot: SensorImages, values: Values) -> DepthImage:
@@ -13,6 +13,6 @@ def _scale_depth(shot: SensorImages, values: Values) -> DepthImage:
 HIDDEN = Hidden(
     family="sensing",
     quantities=(InjectedParameter(name="depth_scale", unit="1", typical=0.008, high=0.05),),
-    draw=signed,
+    draw=with_random_sign,
     seen=_scale_depth,
 )

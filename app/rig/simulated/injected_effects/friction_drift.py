@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, signed
+from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, with_random_sign
 
 
 def _friction(moment: Moment, values: Values) -> Factors:
@@ -12,6 +12,6 @@ def _friction(moment: Moment, values: Values) -> Factors:
 HIDDEN = Hidden(
     family="physics",
     quantities=(InjectedParameter(name="friction_drift", unit="1/session", typical=0.4, high=1.0),),
-    draw=signed,
+    draw=with_random_sign,
     friction=_friction,
 )

@@ -6,7 +6,7 @@ acceleration [1/s^2, 1/s].
 
 from typing import Any
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, placed, where
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, where, with_random_place
 from app.rig.simulated.worlds.engine import mujoco
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT
@@ -36,6 +36,6 @@ def _build(spec: Any, _physics: WorldPhysics, values: Values) -> None:
 HIDDEN = Hidden(
     family="physics",
     quantities=(InjectedParameter(name="obstacle_rate", unit="1/s", typical=417.0, high=2080.0), *where("obstacle")),
-    draw=placed,
+    draw=with_random_place,
     build=_build,
 )

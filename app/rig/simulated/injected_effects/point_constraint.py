@@ -10,8 +10,8 @@ from app.rig.simulated.injected_effects.base import (
     Values,
     Vectors,
     acting,
-    placed,
     where,
+    with_random_place,
 )
 
 _WIDTH_M = 0.015
@@ -26,6 +26,6 @@ def _force(moment: Moment, values: Values) -> Vectors:
 HIDDEN = Hidden(
     family="physics",
     quantities=(InjectedParameter(name="constraint_rate", unit="1/s", typical=125.0, high=830.0), *where("constraint")),
-    draw=placed,
+    draw=with_random_place,
     force=_force,
 )

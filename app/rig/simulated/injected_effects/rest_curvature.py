@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, signed
+from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, with_random_sign
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import hinge_owner
 
@@ -17,6 +17,6 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
 HIDDEN = Hidden(
     family="physics",
     quantities=(InjectedParameter(name="rest_curvature", unit="1/m", typical=4.0, high=15.0),),
-    draw=signed,
+    draw=with_random_sign,
     build=_build,
 )

@@ -5,7 +5,15 @@ Not in the catalogue: the force is across the motion and does no work.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, acting, signed
+from app.rig.simulated.injected_effects.base import (
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    Vectors,
+    acting,
+    with_random_sign,
+)
 
 _REST_M_S = 5e-3
 """Speed far below which the pull is in proportion to it."""
@@ -21,6 +29,6 @@ HIDDEN = Hidden(
     family="physics",
     catalogued=False,
     quantities=(InjectedParameter(name="sideways_drift", unit="1", typical=0.15, high=0.5),),
-    draw=signed,
+    draw=with_random_sign,
     force=_force,
 )

@@ -65,7 +65,7 @@ def _rounded_ends(
     return centres, directions, np.concatenate([shrunk, np.full(len(middle), radius_m), shrunk[::-1]])
 
 
-def turned(
+def body_of_revolution(
     heights: Float64[np.ndarray, " R"],
     radii: Float64[np.ndarray, " R"],
     frame: Float64[np.ndarray, "4 4"],
@@ -185,4 +185,4 @@ def bowl(radius_m: float, thickness_m: float, frame: Float64[np.ndarray, "4 4"],
     outer, inner = radius_m + thickness_m, radius_m
     heights = np.concatenate([-outer * np.sin(angle), -inner * np.sin(angle[::-1])])
     radii = np.concatenate([outer * np.cos(angle), inner * np.cos(angle[::-1])])
-    return turned(heights, radii, frame, colour)
+    return body_of_revolution(heights, radii, frame, colour)
