@@ -69,8 +69,8 @@ def ticking(folder: Path) -> dict[str, Any]:
 @pytest.mark.serial
 def test_workers_end_with_their_parent_even_if_it_is_killed(tmp_path: Path) -> None:
     code = "import sys; from pathlib import Path; from tests.evaluation.test_workers import ticking\n"
-    code += "from app.evaluation.workers import finished\n"
-    code += "if __name__ == '__main__': list(finished(ticking, [Path(sys.argv[1])], where='local', processes=1))"
+    code += "from app.evaluation.workers import completed_rows\n"
+    code += "if __name__ == '__main__': list(completed_rows(ticking, [Path(sys.argv[1])], where='local', processes=1))"
     process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
     given_up_s = time.monotonic() + PATIENCE_S
     while not any(tmp_path.iterdir()):

@@ -119,7 +119,7 @@ class Splitter:
         self._left = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Complete frames so far, each for `decode_frame`. Raises WireError where the stream is not of this protocol."""
+        """Complete frames so far, for `decode_frame`. Raises WireError where the stream is not of this protocol."""
         self._left += data
         found = list[bytes]()
         while self._check_magic() and len(self._left) >= _PREFIX:
