@@ -195,7 +195,7 @@ def check_calibration(demo: Path, folder: Path, motions: int) -> None:
     """Check that a model is learnt from it."""
     said = dipac("calibrate", demo, "-o", folder / "model.toml")
     assert f"to {motions} transitions of 1 recordings" in said
-    assert load_model(folder / "model.toml", task="rope_push", time_s=0.0).transition_count == motions
+    assert load_model(folder / "model.toml", task="rope_push@rods", time_s=0.0).transition_count == motions
 
 
 def check_dataset(demo: Path, folder: Path) -> None:
