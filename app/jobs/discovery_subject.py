@@ -78,17 +78,21 @@ class Doubted:
 def doubted_in(study: Study, task: Task) -> Doubted:
     """The simulator of a task in whose range these pushes are.
 
-    That is the one of stiff rods where the usual one, refitted to them, is stiff, and a stiff rod errs less. A refit
-    has several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
+    That is the one of stiff rods where the usual one, refitted to them, is stiff or errs more than the stiffest that it
+    bears, and a stiff rod errs less. A refit has several minima: the nominal rod is the one of `_STIFFER` from which it
+    errs least. Raises as `subject_of`.
     """
     usual = subject_of(task, study.setup)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
         return Doubted(subject=usual)
     trials, predictor = prepare(centre(study, usual), usual), Predictor(usual, catalogue(usual.rods))
     about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
-    if about[column] < _STIFF * usual.nominal[column]:
+    error_m, stiffest = _error_m(predictor, trials, about), about.copy()
+    stiffest[column] = predictor.catalogue.specs[column].high
+    # A refit to a rope that is much stiffer may end at one that is limp.
+    if about[column] < _STIFF * usual.nominal[column] and error_m <= _error_m(predictor, trials, stiffest):
         return Doubted(subject=usual, about=about)
-    stiff, error_m = subject_of(task, study.setup, stiff=True), _error_m(predictor, trials, about)
+    stiff = subject_of(task, study.setup, stiff=True)
     known, least_pa = catalogue(stiff.rods), float(stiff.nominal[column])
     stiffer = (least_pa * times for times in _STIFFER)
     starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
