@@ -7,7 +7,7 @@ import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.mixed_effects import fit_mixed_effects
-from app.discovery.inference.refine import RefinedModel, local_log_bayes
+from app.discovery.inference.refine import RefinedModel, local_log_bayes, own_steps
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import log_evidence
 from app.discovery.residuals.sensitivity import steps_of
@@ -22,11 +22,14 @@ NULL_SD = 0.1
 
 
 def screened() -> Screening:
-    """A screening that asked about a tilt along x, and y."""
+    """A screening that asked about a tilt along x, and y; the calibrated parameters are known to a step of a refit."""
     made = screening(lambda rng: rng.normal(size=(60, 16, 4)))
-    steps = [step for step in steps_of(CATALOGUE, SUBJECT.calibrated, {}) if step.cause == "table_tilt"]
-    prior = replace(made.prior, mean=np.zeros(len(steps)), variance=np.full(len(steps), NULL_SD**2))
-    return replace(made, steps=tuple(steps), prior=prior)
+    known = {step.column: step.size for step in own_steps(CATALOGUE, SUBJECT.calibrated, ())}
+    wanted = {*SUBJECT.calibrated, "table_tilt"}
+    steps = [step for step in steps_of(CATALOGUE, SUBJECT.calibrated, {}) if step.cause in wanted]
+    deviations = np.array([known.get(step.column, NULL_SD * step.size) / step.size for step in steps])
+    prior = replace(made.prior, mean=np.zeros(len(steps)), variance=deviations**2)
+    return replace(made, steps=tuple(steps), prior=prior, about=CATALOGUE.nominal(SUBJECT))
 
 
 def refitted(size: float, *, blind: bool = False) -> RefinedModel:

@@ -184,6 +184,23 @@ def _words(message: Message) -> str:
     return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "doing", "mode", "outcome", "why"))
 
 
+class Watcher:
+    """An operator who asks for nothing and remembers what was said."""
+
+    def __init__(self) -> None:
+        self.seen: list[Message] = []
+
+    def show(self, message: Message) -> None:
+        self.seen.append(message)
+
+    async def requests(self) -> AsyncIterator[Request]:
+        for request in list[Request]():
+            yield request
+
+    def notices(self) -> list[str]:
+        return [message.text for message in self.seen if isinstance(message, Notice)]
+
+
 @final
 class MemoryLog:
     """A recorder that keeps what it is given."""

@@ -10,17 +10,16 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import MessageBus
-from app.core.dialogue.requests import Request
 from app.core.dialogue.summary import Summary
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
-from app.core.messages import Frame, Message, Notice, Particles, fresh_id
+from app.core.messages import Frame, Particles, fresh_id
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm
 from app.session.perception_stage import Sensing, forgotten
 from app.tasks.rope_push import TASK
 from tests.perception.hiding import screened
-from tests.session.cell import MemoryLog
+from tests.session.cell import MemoryLog, Watcher
 from tests.session.rig import TickedArm, photographs, small_cameras
 from tests.session.virtual import InsideWorker, VirtualClock
 
@@ -84,23 +83,6 @@ class ScreenedRig:
     @property
     def arm(self) -> TickedArm:
         return self._arm
-
-
-class Watcher:
-    """An operator who asks for nothing and remembers what was said."""
-
-    def __init__(self) -> None:
-        self.seen: list[Message] = []
-
-    def show(self, message: Message) -> None:
-        self.seen.append(message)
-
-    async def requests(self) -> AsyncIterator[Request]:
-        for request in list[Request]():
-            yield request
-
-    def notices(self) -> list[str]:
-        return [message.text for message in self.seen if isinstance(message, Notice)]
 
 
 @asynccontextmanager

@@ -1,18 +1,17 @@
 """Models that an operator asks for: what is used of them, how they are numbered, and what is refused."""
 
-from collections.abc import AsyncIterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from app.core.announcer import MessageBus
-from app.core.dialogue.requests import ModelRequest, Request
+from app.core.dialogue.requests import ModelRequest
 from app.core.dialogue.summary import Summary
-from app.core.messages import Extension, Message, Model, Notice, Parameter, fresh_id
+from app.core.messages import Extension, Model, Notice, Parameter, fresh_id
 from app.jobs.jit_cache import nominal_model
 from app.session.model_updates import Modelling, Taken
-from tests.session.cell import MemoryLog
+from tests.session.cell import MemoryLog, Watcher
 from tests.session.virtual import InsideWorker, VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
@@ -22,18 +21,8 @@ NOMINAL = nominal_model(TASK)
 GOAL = np.array([[0.5, 0.1, 0.01], [0.6, 0.0, 0.01]], np.float32)
 
 
-class Shown:
-    """An operator who asks for nothing and remembers."""
-
-    def __init__(self) -> None:
-        self.seen: list[Message] = []
-
-    def show(self, message: Message) -> None:
-        self.seen.append(message)
-
-    async def requests(self) -> AsyncIterator[Request]:
-        for request in list[Request]():
-            yield request
+class Shown(Watcher):
+    """One of whom there is one notice in the end."""
 
     @property
     def said(self) -> str:

@@ -173,7 +173,23 @@ def _fit_linear(
 def _prior(
     catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], others: Sequence[int]
 ) -> Prior:
-    """Prior of the own columns in steps from theta: flat for calibrated ones, of typical size for a cause."""
+    """Prior of all columns in steps from theta, the own ones first."""
+    mean, variance = _own_prior(catalogue, screening, theta, own)
+    return Prior(
+        mean=np.concatenate([mean, screening.prior.mean[list(others)]]),
+        variance=np.concatenate([variance, screening.prior.variance[list(others)]]),
+        nuisance=tuple(range(len(own)))
+        + tuple(len(own) + n for n, at in enumerate(others) if at in screening.prior.nuisance),
+    )
+
+
+def _own_prior(
+    catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], *, present: bool = True
+) -> tuple[Float64[np.ndarray, " Q"], Float64[np.ndarray, " Q"]]:
+    """Means and variances of the own columns in steps from theta.
+
+    Flat for calibrated ones; of typical size for a cause that is `present`, else as where nothing is missing.
+    """
     mean, variance = np.zeros(len(own)), np.empty(len(own))
     full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
     for n, step in enumerate(own):
@@ -184,19 +200,14 @@ def _prior(
             middle = (spec.coordinate(spec.low) + spec.coordinate(spec.high)) / 2
             mean[n], variance[n] = (middle - here) / step.size, _DEVIATION**2
         elif step.cause in catalogue_names(catalogue):
-            null = spec.coordinate(spec.nominal)
-            mean[n] = (null - here) / step.size
-            variance[n] = (1 + screening.prior.variance[at]) * (size / step.size) ** 2
+            centre = spec.coordinate(spec.nominal) + (0.0 if present else screening.prior.mean[at] * size)
+            mean[n] = (centre - here) / step.size
+            variance[n] = (present + screening.prior.variance[at]) * (size / step.size) ** 2
         else:
             centre = spec.coordinate(float(screening.about[step.column]))
             mean[n] = (centre - here) / step.size
             variance[n] = screening.prior.variance[at] * (size / step.size) ** 2
-    return Prior(
-        mean=np.concatenate([mean, screening.prior.mean[list(others)]]),
-        variance=np.concatenate([variance, screening.prior.variance[list(others)]]),
-        nuisance=tuple(range(len(own)))
-        + tuple(len(own) + n for n, at in enumerate(others) if at in screening.prior.nuisance),
-    )
+    return mean, variance
 
 
 def local_log_bayes(catalogue: Catalogue, screening: Screening, model: RefinedModel) -> float:
@@ -206,16 +217,11 @@ def local_log_bayes(catalogue: Catalogue, screening: Screening, model: RefinedMo
     both hypotheses are weighed by the same simulations and slopes: could the data about the estimate be those of a
     parameter as far from its null as it seems to be where nothing is missing?
     """
-    mean, variance = model.prior.mean.copy(), model.prior.variance.copy()
-    full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
-    for n, step in enumerate(model.steps[: model.own]):
-        if step.cause not in model.causes or step.column not in full:
-            continue
-        size, at = full[step.column]
-        spec = catalogue.specs[step.column]
-        null = spec.coordinate(spec.nominal) + screening.prior.mean[at] * size
-        mean[n] = (null - spec.coordinate(float(model.theta[step.column]))) / step.size
-        variance[n] = screening.prior.variance[at] * (size / step.size) ** 2
+    own = _own_prior(catalogue, screening, model.theta, model.steps[: model.own], present=False)
+    mean, variance = (
+        np.concatenate([here, whole[model.own :]])
+        for here, whole in zip(own, (model.prior.mean, model.prior.variance), strict=True)
+    )
     absent = replace(model.prior, mean=mean, variance=variance)
     fit = fit_mixed_effects(model.data, variance, mean, (model.fit.covariances, None))
     return model.log_evidence - log_evidence(fit, absent, model.temperature)

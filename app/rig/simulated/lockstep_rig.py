@@ -17,11 +17,10 @@ from app.arm.process import ControlLoop
 from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.errors import first_error
-from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.scene_description import Stage
 from app.core.messages import Frame, fresh_id
-from app.core.ports import Arm, Camera, Clock
+from app.core.ports import Clock
 from app.core.system.ring import Ring
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.cameras.cameras import table_cameras
@@ -38,48 +37,19 @@ class LockStepRig:
 
     def __init__(self, stage: Stage, start: Nodes, site: Site, seed: int, clock: Clock) -> None:
         kind, memory = kind_of(stage), ArmMemory()
-        self._stage, self._clock, self._period_s = stage, clock, site.timing.arm_period_s
+        self.name, self.simulated, self.shape = "lockstep", True, known_arm(stage.tool)
+        self._clock, self._period_s = clock, site.timing.arm_period_s
         self._loop = ControlLoop(memory, site, ArmControl(site, kind.home(stage, start)))
-        self._arm = ProcessArm(memory, _ThisProcess(), site, clock)
+        self.arm = self.seen_arm = ProcessArm(memory, _ThisProcess(), site, clock)
         self._snapshots, self._last_s = snapshot_ring(stage), clock.now()
         world = kind.build(stage, start, 0.0)
         world.place(kind.home(stage, start))
         self._follower = WorldFollower(world, memory.states, self._snapshots, self._last_s)
-        self._cameras = [
+        self.cameras = [
             LockStepCamera(model, stage, self._snapshots, site.timing.camera_period_s, clock, [seed, index])
             for index, model in enumerate(table_cameras())
         ]
         self._tick()
-
-    @property
-    def name(self) -> str:
-        """Name for the log and the console."""
-        return "lockstep"
-
-    @property
-    def simulated(self) -> bool:
-        """True: nothing real can move."""
-        return True
-
-    @property
-    def shape(self) -> ArmShape:
-        """Geometry of the drawn arm."""
-        return known_arm(self._stage.tool)
-
-    @property
-    def seen_arm(self) -> Arm:
-        """The arm in the images, which is `arm`."""
-        return self._arm
-
-    @property
-    def cameras(self) -> Sequence[Camera]:
-        """Views from around the table."""
-        return self._cameras
-
-    @property
-    def arm(self) -> Arm:
-        """The arm."""
-        return self._arm
 
     async def run(self) -> None:
         """Move arm and world on, for ever."""
