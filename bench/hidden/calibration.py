@@ -37,7 +37,7 @@ from app.discovery.inference.decide import (
     with_further,
 )
 from app.discovery.inference.held_out import held_out_gain, held_out_gain_of_linear
-from app.discovery.inference.refine import RefinedModel, local_log_bayes, refine
+from app.discovery.inference.refine import RefinedModel, refine
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.forces import FORMULA
@@ -141,7 +141,6 @@ def _refit_of(
     """Gain of a refitted cause over nothing."""
     return {
         **_gain_of(suspect, model, screening.weighing.log_evidence, (screening.data, screening.prior)),
-        "local": round(local_log_bayes(predictor.catalogue, screening, model), 2),
         "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect), 3).tolist(),
         "sized": is_sized(predictor.catalogue, model),
         "trust": model.trust,

@@ -173,23 +173,7 @@ def _fit_linear(
 def _prior(
     catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], others: Sequence[int]
 ) -> Prior:
-    """Prior of all columns in steps from theta, the own ones first."""
-    mean, variance = _own_prior(catalogue, screening, theta, own)
-    return Prior(
-        mean=np.concatenate([mean, screening.prior.mean[list(others)]]),
-        variance=np.concatenate([variance, screening.prior.variance[list(others)]]),
-        nuisance=tuple(range(len(own)))
-        + tuple(len(own) + n for n, at in enumerate(others) if at in screening.prior.nuisance),
-    )
-
-
-def _own_prior(
-    catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], *, present: bool = True
-) -> tuple[Float64[np.ndarray, " Q"], Float64[np.ndarray, " Q"]]:
-    """Means and variances of the own columns in steps from theta.
-
-    Flat for calibrated ones; of typical size for a cause that is `present`, else as where nothing is missing.
-    """
+    """Prior of all columns in steps from theta, the own ones first; flat for calibrated ones."""
     mean, variance = np.zeros(len(own)), np.empty(len(own))
     full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
     for n, step in enumerate(own):
@@ -200,31 +184,18 @@ def _own_prior(
             middle = (spec.coordinate(spec.low) + spec.coordinate(spec.high)) / 2
             mean[n], variance[n] = (middle - here) / step.size, _DEVIATION**2
         elif step.cause in catalogue_names(catalogue):
-            centre = spec.coordinate(spec.nominal) + (0.0 if present else screening.prior.mean[at] * size)
-            mean[n] = (centre - here) / step.size
-            variance[n] = (present + screening.prior.variance[at]) * (size / step.size) ** 2
+            mean[n] = (spec.coordinate(spec.nominal) - here) / step.size
+            variance[n] = (1 + screening.prior.variance[at]) * (size / step.size) ** 2
         else:
             centre = spec.coordinate(float(screening.about[step.column]))
             mean[n] = (centre - here) / step.size
             variance[n] = screening.prior.variance[at] * (size / step.size) ** 2
-    return mean, variance
-
-
-def local_log_bayes(catalogue: Catalogue, screening: Screening, model: RefinedModel) -> float:
-    """Log Bayes factor of a model's causes against their null priors, both about the model's own estimate [nats].
-
-    Pushes are chaotic, so that evidence of other simulations differs by tens of nats from this one's by chance. Here
-    both hypotheses are weighed by the same simulations and slopes: could the data about the estimate be those of a
-    parameter as far from its null as it seems to be where nothing is missing?
-    """
-    own = _own_prior(catalogue, screening, model.theta, model.steps[: model.own], present=False)
-    mean, variance = (
-        np.concatenate([here, whole[model.own :]])
-        for here, whole in zip(own, (model.prior.mean, model.prior.variance), strict=True)
+    return Prior(
+        mean=np.concatenate([mean, screening.prior.mean[list(others)]]),
+        variance=np.concatenate([variance, screening.prior.variance[list(others)]]),
+        nuisance=tuple(range(len(own)))
+        + tuple(len(own) + n for n, at in enumerate(others) if at in screening.prior.nuisance),
     )
-    absent = replace(model.prior, mean=mean, variance=variance)
-    fit = fit_mixed_effects(model.data, variance, mean, (model.fit.covariances, None))
-    return model.log_evidence - log_evidence(fit, absent, model.temperature)
 
 
 def catalogue_names(catalogue: Catalogue) -> frozenset[str]:
