@@ -11,6 +11,7 @@ from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
 from app.core.dialogue.requests import EditRequest
 from app.core.messages import Decision, MessageId, StopRequest
 from app.session.state import (
+    FUTILE_PLANS,
     PAUSE_S,
     UNATTENDED_S,
     Announce,
@@ -37,8 +38,6 @@ from app.session.state import (
 
 MOST_MOTIONS: Final = 1000
 """Largest number of motions without approval that may be asked for."""
-FUTILE_PLANS: Final = 2
-"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
 _EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
 _MOST_PAUSES: Final = 3
 """Most pauses in a row of an unattended run that goes on by itself."""
@@ -180,7 +179,7 @@ def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
     state = replace(state, futile=state.futile % FUTILE_PLANS + 1)
     said = "The best motion found is no better than none, by the model; it is not made."
     notice = Announce("plan", said, (event.proposal.id,))
-    if state.futile < FUTILE_PLANS:
+    if not state.exhausted:
         return Reduced(state, (notice,))
     state, commands = _leave_off(state, _EXHAUSTED)
     return Reduced(state, (notice, *commands))
@@ -217,8 +216,7 @@ def _on_motion_end(state: SessionState, event: MotionEnd) -> Reduced:
 
 
 def _on_decision(state: SessionState, decision: Decision) -> Reduced:
-    pending = state.pending
-    waited_for = pending is not None and pending.id == decision.proposal_id and state.decision is None
+    waited_for = state.shown_plan(decision.proposal_id) is not None and state.decision is None
     if not waited_for or state.mode == "automatic":
         return Reduced(state, (_not_shown(decision),))
     return Reduced(replace(state, decision=decision))
@@ -229,7 +227,7 @@ def _not_shown(decision: Decision) -> Announce:
 
 
 def _on_edit(state: SessionState, request: EditRequest) -> Reduced:
-    if state.pending is not None and state.pending.id == request.proposal_id:
+    if state.shown_plan(request.proposal_id) is not None:
         return Reduced(state)
     return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))
 

@@ -11,7 +11,6 @@ from app.session.loop import go_round
 from app.session.model_monitor import ExecutedPush
 from app.session.parts import Parts
 from app.session.planning import FAILURES_IN_A_ROW
-from app.session.rules import FUTILE_PLANS
 from app.session.state import HandRefusal, MotionEnd, Observation, PlanAssessment, UnaskedMotion
 
 _GAIN: Final = 0.05
@@ -202,7 +201,7 @@ class SessionStages:
         config = self._store.state.config
         weighs = config.task.at_rest and not config.method.alone
         worth = not weighs or proposal.is_improvement or brings_nearer(proposal, config.target)
-        if self._store.dispatch(PlanAssessment(proposal, worth)).futile >= FUTILE_PLANS:
+        if self._store.dispatch(PlanAssessment(proposal, worth)).exhausted:
             self._parts.summary.exhausted = True
         return worth
 

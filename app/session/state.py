@@ -14,6 +14,8 @@ Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
 """Policy for unattended motion: allowed on request, after confirmation, or never."""
 UNATTENDED_S: Final = 120.0
 """Timeout of a run with automatic approval for a resume after a stop."""
+FUTILE_PLANS: Final = 2
+"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
 PAUSE_S: Final = 5.0
 """Pause before such a run goes on by itself if only the arm's own process stopped it."""
 
@@ -65,6 +67,15 @@ class SessionState:
     items: tuple[CheckItem, ...] = ()
     passed: bool = False
     by_hand: bool = False
+
+    def shown_plan(self, proposal_id: MessageId) -> Proposal | None:
+        """The plan of this id, if it is the one that a decision is waited for."""
+        return self.pending if self.pending is not None and self.pending.id == proposal_id else None
+
+    @property
+    def exhausted(self) -> bool:
+        """True after so many plans in a row that were no better than no motion."""
+        return self.futile >= FUTILE_PLANS
 
     @property
     def patience_s(self) -> float | None:

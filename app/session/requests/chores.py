@@ -72,11 +72,11 @@ class Chores:
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up until then, and propose it instead."""
         parts, state = self._parts, self._store.dispatch(request)
-        seen, shown = parts.sensing.particles.value, state.pending
-        if seen is None or shown is None or shown.id != request.proposal_id:
+        seen, shown = parts.sensing.particles.value, state.shown_plan(request.proposal_id)
+        if seen is None or shown is None:
             return
         changed = await parts.planning.changed(state.config, request, shown, seen, parts.learning.current)
-        if changed is not None and self._store.state.pending is shown:
+        if changed is not None and self._store.state.shown_plan(shown.id):
             state = self._store.dispatch(Interruption("is offered as you changed it"))
             parts.planning.offer_next(changed, state.interruptions)
 
