@@ -9,7 +9,7 @@ from typing import Final
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
 from app.core.dialogue.requests import EditRequest
-from app.core.messages import Decision, MessageId, StopRequest
+from app.core.messages import Decision, MessageId, Model, StopRequest
 from app.session.state import (
     FUTILE_PLANS,
     PAUSE_S,
@@ -17,12 +17,15 @@ from app.session.state import (
     Announce,
     AnnounceChecklist,
     AnnounceMode,
+    AnnounceModel,
+    ChosenModel,
     Event,
     Failure,
     HandRefusal,
     Inspection,
     Interruption,
     ModeChoice,
+    ModelUpdate,
     MotionEnd,
     Observation,
     Offer,
@@ -66,6 +69,10 @@ def reduce(state: SessionState, event: Event) -> Reduced:
             return Reduced(_interrupt(state, event.why))
         case Reconfiguration():
             return Reduced(_interrupt(replace(state, config=event.config), event.why))
+        case ModelUpdate():
+            return _on_model_update(state, event)
+        case ChosenModel():
+            return _on_chosen_model(state, event)
         case Offer():
             return Reduced(replace(state, pending=event.proposal, decision=None))
         case Withdrawal():
@@ -183,6 +190,31 @@ def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
         return Reduced(state, (notice,))
     state, commands = _leave_off(state, _EXHAUSTED)
     return Reduced(state, (notice, *commands))
+
+
+# Models: version numbers of those in use only grow, whoever made them.
+
+
+def _on_model_update(state: SessionState, event: ModelUpdate) -> Reduced:
+    """Go on with what was learned, unless somebody chose another model meanwhile: it is not about that one."""
+    if state.model is not event.replaces:
+        return Reduced(state)
+    return Reduced(replace(state, model=_numbered_model(state, event.model)), (AnnounceModel(),))
+
+
+def _on_chosen_model(state: SessionState, event: ChosenModel) -> Reduced:
+    """Plan with it, and for the goal as its cameras show it."""
+    model, request = _numbered_model(state, event.model), event.request
+    said = f"{request.operator} chose the model of {request.source}; it is version {model.version} now."
+    state = replace(state, model=model, config=replace(state.config, shown_goal=event.shown_goal))
+    notice = Announce("model", said + event.compiling, (request.id,))
+    return Reduced(_interrupt(state, "is of another model"), (notice, AnnounceModel()))
+
+
+def _numbered_model(state: SessionState, model: Model) -> Model:
+    """The model as the newest version; the first one keeps its number."""
+    version = model.version if state.model is None else state.model.version + 1
+    return model if model.version == version else replace(model, version=version)
 
 
 # Stops: nothing moves from a stop until an operator resumes.

@@ -73,7 +73,7 @@ class SessionStages:
         config, asked = state.config, state.interruptions
         seeds = (config.seed, parts.summary.pushes, self._attempts)
         tool = parts.rig.arm.tool()
-        proposal = await parts.planning.proposal(config, observed, parts.learning.current, tool, seeds, at=asked)
+        proposal = await parts.planning.proposal(config, observed, state.model_in_use, tool, seeds, at=asked)
         self._attempts += 1
         self._invalidate_observations()
         if (state := self._store.state).interruptions != asked:
@@ -119,7 +119,7 @@ class SessionStages:
             now_s = parts.clock.now()
             parts.announcer.say(parts.summary.scored(proposal, before, executed, after, target, now_s=now_s))
             if self._store.state.config.answering:
-                transition, model = self._note_transition(before, executed, after), parts.learning.models.value
+                transition, model = self._note_transition(before, executed, after), self._store.state.model
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
                 await parts.probing.put(transition, before, after, parts.reporting.do)
                 await parts.learning.put(transition)
@@ -176,7 +176,7 @@ class SessionStages:
         parts = self._parts
         transition = parts.announcer.say(Transition.between(before, executed, after, time_s=parts.clock.now()))
         parts.demonstrating.learned(transition)
-        parts.planning.note_transition(transition, parts.learning.current)
+        parts.planning.note_transition(transition, self._store.state.model_in_use)
         return transition
 
     async def _look(self) -> Particles:
