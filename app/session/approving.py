@@ -46,7 +46,7 @@ class Approving:
                     return
         self._given_up(proposal, asked)
 
-    async def decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
+    async def wait_for_decision(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
         """Show it and wait for a decision: that, and leave to make the motion where it is approved and not refused.
 
         Neither where the proposal grew old or is void.

@@ -83,7 +83,7 @@ class Planning:
                 return
             do(f"compiling {stage}")
 
-    def decided(self, proposal: Proposal, *, approved: bool) -> None:
+    def on_decision(self, proposal: Proposal, *, approved: bool) -> None:
         """React to a decision. A rejected plan is not proposed again before something has moved."""
         self._asking.answered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)

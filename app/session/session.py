@@ -94,6 +94,6 @@ class Session:
                 self.store.dispatch(Failure())
         it.reporting.do("finishing the calibration")
         with it.clock.move_on_after(_LAST_CALIBRATION_S):
-            while it.learning.processed < it.learning.submitted or it.watching.seen < it.watching.submitted:
+            while it.learning.processed < it.learning.submitted or it.watching.processed < it.watching.submitted:
                 await it.clock.sleep(it.site.timing.health_period_s)
         it.reporting.do("done")

@@ -93,9 +93,9 @@ class SessionStages:
             return None
         parts.reporting.do("waiting for approval")
         target = state.config.target
-        decision, approved = await parts.approving.decided(plan)
+        decision, approved = await parts.approving.wait_for_decision(plan)
         if decision is not None and (approved or not decision.approve):
-            parts.planning.decided(plan, approved=approved is not None)
+            parts.planning.on_decision(plan, approved=approved is not None)
         self._invalidate_observations()
         return None if approved is None else Leave(plan, approved, parts.sensing.particles.value, target)
 
