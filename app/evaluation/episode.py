@@ -1,11 +1,11 @@
 """One episode in lock step, by the loop of the running application."""
 
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, TypeAlias, final
+from typing import Literal, NamedTuple, TypeAlias, final
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from app.planner.method import Method
 from app.planner.search.plan import Plan
 from app.rig.simulated.lockstep import LockStep
 from app.session.approving import approval_gate
-from app.session.loop import go_round
+from app.session.loop import complete, go_round
 from app.tasks.elements.base import EpisodeConfig, Task
 
 Eyes: TypeAlias = Literal["cameras", "truth"]
@@ -120,20 +120,10 @@ def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | N
     """Play until the object is seen where it shall be, the actions are used up, or something fails."""
     stages = _LockStepStages(order, site or Site(), listen)
     try:
-        _complete(stages.run())
+        complete(stages.run())
     except DipacError as error:
         stages.played.failure = str(error)
     return stages.played
-
-
-def _complete(coroutine: Coroutine[Any, Any, None]) -> None:
-    """Run a coroutine that never waits, without an event loop: Ctrl-C interrupts it as it does any function."""
-    try:
-        coroutine.send(None)
-    except StopIteration:
-        return
-    coroutine.close()
-    raise AssertionError("A stage of an episode in lock step has waited.")
 
 
 class _Offer(NamedTuple):
