@@ -19,7 +19,6 @@ from rich.table import Table
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.rods.geometry.arc_length import arclength_labels
 from app.sim.rods.geometry.centreline import through
@@ -28,6 +27,7 @@ from app.sim.rods.geometry.rope_cloud import RopeShape, Weighted
 from app.sim.rods.geometry.verdict import assess
 from app.sim.rods.state import RodState
 from bench.photographs import rendered
+from bench.rehearsal import rehearse
 from bench.rods import SCENE, SIMULATE, TASK, physics
 
 ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)

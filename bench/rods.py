@@ -26,13 +26,14 @@ from scipy.optimize import least_squares
 from app.core.geometry.scene_description import RopeModel
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import PushSample, push_again, rehearse
+from app.rig.simulated.push_session import PushSample, push_again
 from app.rig.simulated.worlds.physics import ROPE_WORLDS
 from app.rig.simulated.worlds.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.tasks import load
 from bench.photographs import rendered
+from bench.rehearsal import rehearse
 
 TASK: Final = load("rope_push")
 assert TASK.rods is not None

@@ -20,7 +20,7 @@ from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.gain import error_mm
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import StampedSnapshot, rehearse
+from app.rig.simulated.push_session import StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
@@ -28,6 +28,7 @@ from app.sim.materials.rope import RopeMaterial
 from app.sim.model.scene import Scene
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube
+from bench.rehearsal import rehearse
 
 SEEDS = (1, 2, 3)
 PLAN = PushDesign(episodes=3, pushes=6)

@@ -16,6 +16,7 @@ from app.perception.reconstruct import reconstruct
 from app.policy.base import PlanningState
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import Task, load
+from bench.approval import approved
 
 _GAP_PX = 6
 _SMALLER = 2
@@ -36,7 +37,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
             return seen
         now = PlanningState.at_rest(jnp.asarray(x)[None], cell.tool)
         action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)
-        cell.execute(task.actions.motion(np.asarray(action)[0], cell.tool, Site()))
+        cell.execute(approved(task.actions.motion(np.asarray(action)[0], cell.tool, Site()), x))
     raise AssertionError("counting has no end")
 
 

@@ -15,10 +15,9 @@ import tyro
 
 from app.config import Site
 from app.core.messages import Model
-from app.core.motion import Motion
 from app.core.types import ColourImage
 from app.evaluation import results_log
-from app.evaluation.episode import EvaluationConfig, play
+from app.evaluation.episode import EpisodeStep, EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
 from app.jobs.teaching import SHIPPED, load_learned
 from app.jobs.worker_api import nominal_model
@@ -100,16 +99,16 @@ def guided(
 
 def _seen(method: Method, model: Model, seed: int, camera: int) -> Sequence[ColourImage]:
     """Images of a camera in an episode, before and after each push."""
-    task, motions = load(TASK), list[Motion]()
+    task, steps = load(TASK), list[EpisodeStep]()
     order = EvaluationConfig(task=task, preset="cpu", seed=seed, method=method, model=model, online=method.branching)
-    played = play(order, lambda step: motions.append(step.plan.motion))
+    played = play(order, steps.append)
     if played.failure:
         raise SystemExit(played.failure)
     print(f"{100 * played.share[-1]:.0f} % beyond the wall")
     cell = LockStep(task.stage, task.start(seed), Site(), seed)  # The same motions move the same rope again.
     seen = [cell.look()[camera].color]
-    for motion in motions:
-        cell.execute(motion)
+    for step in steps:
+        cell.execute(step.approved)
         seen.append(cell.look()[camera].color)
     return seen
 

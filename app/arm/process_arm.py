@@ -7,12 +7,13 @@ from typing import Any, Literal, Protocol, final
 import anyio
 import numpy as np
 
+from app.arm.approvals import UsedApprovals
 from app.arm.gate import MAX_WAYPOINTS
 from app.arm.memory import MODES, ArmMemory, encode_motion
 from app.config import Site
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
-from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.errors import DeviceError, MotionRefused
 from app.core.geometry.arm_geometry import JointAngles
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
@@ -52,7 +53,7 @@ class ProcessArm:
         self._memory, self._process, self._site = memory, process, site
         self._clock = clock or SystemClock()
         self._states_read = memory.states.count
-        self._used: set[MessageId] = set()
+        self._approvals = UsedApprovals()
         self._busy = False
         self._hand = threading.Lock()
 
@@ -177,17 +178,10 @@ class ProcessArm:
 
     def _check_leave(self, approved: Approved) -> None:
         """Raise MotionRefused where the approval is not valid for a motion now."""
-        try:
-            # The constructor checks seal and digest again.
-            dataclasses.replace(approved)
-        except ApprovalRefused as refusal:
-            raise MotionRefused(Refusal.NOT_APPROVED, str(refusal)) from None
         self._check_free()
-        if approved.id in self._used:
-            raise MotionRefused(Refusal.USED, "This approval has been used; an approval is for one motion.")
         if len(approved.motion.positions) > MAX_WAYPOINTS:
             raise MotionRefused(Refusal.SHAPE, f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
-        self._used.add(approved.id)
+        self._approvals.use(approved)
 
     def _check_free(self) -> None:
         """Raise MotionRefused where the arm is stopped, or under another command."""

@@ -17,6 +17,7 @@ from jaxtyping import Float32
 
 from app import __version__
 from app.core.errors import RecordingError
+from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.reconstruct import reconstruct
 from app.perception.tool_and_table_points import table_points, tool_points
@@ -26,8 +27,9 @@ from app.recording.write.file import EpisodeFile
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import PushSample, StampedSnapshot, rehearse
+from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
+from app.session.loop import complete, go_round
 from app.tasks.elements.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
@@ -79,32 +81,112 @@ class Stopwatch:
 
 
 def record(session: PushRecordingConfig, watch: Stopwatch) -> Iterator[Path]:
-    """Rehearse and write everything; after each push, the recording that it stands in.
+    """Make and write all pushes; after each, the recording that it stands in.
 
     Raises PerceptionError where the object cannot be seen any more, RecordingError where a file cannot be written.
     """
-    scribe, file = Scribe(session, watch), None
-    takes = rehearse(session.task, session.plan, session.physics, session.hidden, session.seed)
-    try:
-        for number in range(session.plan.episodes * session.plan.pushes):
-            with watch.on("physics"):
-                take = next(takes)
-            messages = scribe.told(take, number)
-            path = session.path(take.episode)
-            with watch.on("writing"):
-                if file is None or file.path != path:
-                    _close(file)
-                    file = begun_file(session, take.episode, take.before.stamp_s)
-                for message in messages:
-                    file.write(message, now_s=message.time_s)
+    cell = RecordedCell(session, watch)
+    stages = _RandomPushes(cell)
+    with cell.recording():
+        while cell.number < session.plan.episodes * session.plan.pushes:
+            path = session.path(cell.episode)
+            complete(go_round(stages))
             yield path
-    except (OSError, RuntimeError) as error:
-        raise RecordingError(f"Cannot write to {session.folder}: {error}; choose another place with -o.") from error
-    finally:
-        _close(file)
 
 
-def begun_file(session: PushRecordingConfig, episode: int, time_s: float) -> EpisodeFile:
+@final
+class _RandomPushes:
+    """Stages of the loop for pushes that are drawn at random: nobody is asked, and nothing real moves."""
+
+    def __init__(self, cell: "RecordedCell") -> None:
+        self._cell = cell
+
+    async def observe(self) -> Particles:
+        """The object at rest."""
+        return self._cell.look()
+
+    async def plan(self, observed: Particles) -> Track:  # noqa: ARG002
+        """A push across the object where it truly lies."""
+        return self._cell.world.random()
+
+    async def approve(self, plan: Track) -> Track:
+        """The push as it is."""
+        return plan
+
+    async def execute(self, leave: Track) -> PushSample:
+        """The push as the world made it."""
+        return self._cell.push(leave)
+
+    async def learn(self, made: PushSample) -> None:
+        """Record it."""
+        self._cell.record(made)
+
+
+@final
+class RecordedCell:
+    """The world with hidden effects, and the cameras and files of its recordings: look, push, record, and so on."""
+
+    def __init__(self, session: PushRecordingConfig, watch: Stopwatch) -> None:
+        self.world = PushSession(session.task, session.plan, session.physics, session.hidden, session.seed)
+        self._session, self._watch, self._scribe = session, watch, Scribe(session, watch)
+        self._file: EpisodeFile | None = None
+        self._seen: tuple[Particles, list[Message]] | None = None
+
+    @property
+    def number(self) -> int:
+        """Index of the next push, from 0."""
+        return self.world.number
+
+    @property
+    def episode(self) -> int:
+        """Index of the next push's episode, from 0."""
+        return self.world.episode
+
+    def look(self) -> Particles:
+        """The object before the next push; seen once, however often that is asked before it is pushed."""
+        if self._seen is None:
+            with self._watch.on("physics"):
+                look = self.world.look()
+            self._seen = self._scribe.before(look, self.number)
+        return self._seen[0]
+
+    def push(self, command: Track) -> PushSample:
+        """Make the push, which must begin after `look`."""
+        with self._watch.on("physics"):
+            return self.world.push(command)
+
+    def record(self, made: PushSample) -> tuple[Particles, list[Message]]:
+        """Write the push that was made last; the object before it, and what was observed and measured then."""
+        assert self._seen is not None, "a push is made of an object that was looked at"
+        (before, messages), self._seen = self._seen, None
+        told = self._scribe.after(before, made, self.number - 1)
+        with self._watch.on("writing"):
+            path = self._session.path(made.episode)
+            if self._file is None or self._file.path != path:
+                self._close()
+                self._file = _begun_file(self._session, made.episode, made.before.stamp_s)
+            for message in (*messages, *told):
+                self._file.write(message, now_s=message.time_s)
+        return before, told
+
+    @contextmanager
+    def recording(self) -> Generator[None]:
+        """Context manager that closes the file in the end. Raises RecordingError where one cannot be written."""
+        try:
+            yield
+        except (OSError, RuntimeError) as error:
+            folder = self._session.folder
+            raise RecordingError(f"Cannot write to {folder}: {error}; choose another place with -o.") from error
+        finally:
+            self._close()
+
+    def _close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+def _begun_file(session: PushRecordingConfig, episode: int, time_s: float) -> EpisodeFile:
     """A new file with its first message, which says no more than any episode of a simulated cell would."""
     first = Episode(
         id=MessageId(f"episode-{episode:06d}"),
@@ -121,11 +203,6 @@ def begun_file(session: PushRecordingConfig, episode: int, time_s: float) -> Epi
     return file
 
 
-def _close(file: EpisodeFile | None) -> None:
-    if file is not None:
-        file.close()
-
-
 @final
 class Scribe:
     """Says what cameras and encoders say of a push."""
@@ -137,13 +214,8 @@ class Scribe:
         )
         self._how = session.task.reconstruction(_PRESET)
 
-    def told(self, take: PushSample, number: int) -> list[Message]:
-        """The messages of push `number` in their order: seen, made, seen, learnt. The first ones bring images."""
-        before, messages = self.before(take.before, number)
-        return [*messages, *self.after(before, take, number)]
-
     def before(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Message]]:
-        """The object before push `number`, and all messages of then."""
+        """The object before push `number`, and all messages of then. An episode's first ones bring images."""
         before, images = self._observe(look, _LOOKS * number)
         first = number % self._pushes == 0
         with self._watch.on("particles"):

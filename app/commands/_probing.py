@@ -3,32 +3,41 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
-from app.commands._hiding import PushRecordingConfig, Scribe, Stopwatch, begun_file
+from app.commands._hiding import PushRecordingConfig, RecordedCell, Stopwatch
 from app.config import Site
-from app.core.errors import PlanningError, RecordingError, UsageError
+from app.core.errors import PlanningError, UsageError
 from app.core.geometry.track import Track
-from app.core.messages import Message, Particles, Transition
+from app.core.messages import Particles
 from app.core.task_name import recorded
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
 from app.jobs.probed import belief, next_probe, probe_motion, probed_subject, refusal
 from app.perception.body.resample_to_count import resample_to
-from app.recording.write.file import EpisodeFile
-from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
+from app.rig.simulated.push_session import PushSample
+from app.session.loop import complete, go_round
 from app.tasks.elements.base import Task
 
 _REJECTIONS = 20
 """Rejected pushes in a row after which an experiment ends with an error."""
 
 
+class _Offer(NamedTuple):
+    """Push that is offered, in words, and the belief expected once it is made. `asked`: somebody asked for it."""
+
+    track: Track
+    text: str
+    then: Belief
+    asked: bool = False
+
+
 @final
 class ProbedCell:
-    """The simulated cell, whose pushes are chosen.
+    """The simulated cell, whose pushes are chosen: stages of the loop, of which `play` goes round an episode.
 
     `task`: what they are simulated as; `asked`: pushes to make first; `approve` is told each push and says whether it
     is made. Each passes the checks of the arm's own process before it is shown.
@@ -46,14 +55,13 @@ class ProbedCell:
         self.session = session
         self._task, self._site, self._approve, self._asked = task, site, approve, list(asked)
         self._count = probed_subject(task).particle_count
-        self._world = PushSession(session.task, session.plan, session.physics, session.hidden, session.seed)
-        self._scribe = Scribe(session, Stopwatch())
-        self._made, self._draws = list[Push](), 0
+        self._cell = RecordedCell(session, Stopwatch())
+        self._made, self._draws, self._rejected = list[Push](), 0, 0
 
     @property
     def recordings(self) -> list[Path]:
         """The episodes so far."""
-        return [self.session.path(episode) for episode in range(-(-self._world.number // self.session.plan.pushes))]
+        return [self.session.path(episode) for episode in range(-(-self._cell.number // self.session.plan.pushes))]
 
     def play(self, held: Belief, pushes: int) -> None:
         """The next episode of so many pushes, recorded, each chosen for its information.
@@ -61,58 +69,68 @@ class ProbedCell:
         Raises UsageError where every push is rejected, PerceptionError where the object cannot be seen any more,
         RecordingError where the file cannot be written.
         """
-        file: EpisodeFile | None = None
-        try:
-            for _ in range(pushes):
-                look = self._world.look()
-                file = file or begun_file(self.session, self._world.episode, look.stamp_s)
-                held = self._push(file, look, held)
-        except (OSError, RuntimeError) as error:
-            raise RecordingError(f"Cannot write to {self.session.folder}: {error}; choose another with -o.") from error
-        finally:
-            if file is not None:
-                file.close()
+        self._held, last = held, self._cell.number + pushes
+        with self._cell.recording():
+            while self._cell.number < last:
+                complete(go_round(self))
 
-    def _push(self, file: EpisodeFile, look: StampedSnapshot, held: Belief) -> Belief:
-        """See, choose, ask, make, see; the belief once this push is expected."""
-        number, episode = self._world.number, self._world.episode
-        before, messages = self._scribe.before(look, number)
-        _write(file, messages)
-        seen = self._view(before)
-        command, held = self._approved_push(seen, episode, held)
-        take = self._world.push(command)
-        told = self._scribe.after(before, take, number)
-        _write(file, told)
-        self._made.append(self._seen_push(seen, take, told))
-        return held
+    async def observe(self) -> Particles:
+        """The object at rest."""
+        return self._cell.look()
 
-    def _approved_push(self, seen: ProjectionView, episode: int, held: Belief) -> tuple[Track, Belief]:
-        """An approved push, and the belief expected after it. Raises UsageError if none is approved."""
-        while self._asked:
+    async def plan(self, observed: Particles) -> _Offer | None:
+        """The next push for the object where it is; None where one that was asked for cannot be made there."""
+        seen = self._view(observed)
+        if self._asked:
             track = self._aim_push(self._asked.pop(0), seen)
-            if track is not None and self._approve("A push that you asked for"):
-                return track, held
-        for _ in range(_REJECTIONS):
-            try:
-                probe = self._chosen(seen, episode, held)
-            except PlanningError:
-                home = self._home()
-                if self._approve("A random push, as no other brings the rope back to where it can be pushed"):
-                    return home, held
-                continue
-            if self._approve(probe.text):
-                return probe.track, held.expecting(probe.information)
-        raise UsageError(f"{_REJECTIONS} pushes were rejected in a row; what is recorded is kept.")
+            return track and _Offer(track, "A push that you asked for", self._held, asked=True)
+        try:
+            probe = self._chosen(seen)
+        except PlanningError:
+            text = "A random push, as no other brings the rope back to where it can be pushed"
+            return _Offer(self._home(), text, self._held)
+        return _Offer(probe.track, probe.text, self._held.expecting(probe.information))
 
-    def _chosen(self, seen: ProjectionView, episode: int, held: Belief) -> Probe:
+    async def approve(self, plan: _Offer) -> _Offer | None:
+        """The push, if it is approved. Raises UsageError where too many in a row are not."""
+        if self._approve(plan.text):
+            self._rejected = 0
+            return plan
+        self._rejected += not plan.asked
+        if self._rejected == _REJECTIONS:
+            raise UsageError(f"{_REJECTIONS} pushes were rejected in a row; what is recorded is kept.")
+        return None
+
+    async def execute(self, leave: _Offer) -> PushSample:
+        """The push as the world made it."""
+        self._held = leave.then
+        return self._cell.push(leave.track)
+
+    async def learn(self, made: PushSample) -> None:
+        """Record it, and let the next choice know what it did."""
+        before, told = self._cell.record(made)
+        during, after = (self._view(message) for message in told if isinstance(message, Particles))
+        self._made.append(
+            Push(
+                episode=made.episode,
+                before=self._view(before),
+                during=(during,),
+                after=after,
+                command=made.command,
+                measured=made.measured,
+            )
+        )
+
+    def _chosen(self, seen: ProjectionView) -> Probe:
         self._draws += 1
         seed = int(np.random.default_rng([self.session.seed, self._draws]).integers(2**31))
         plan = self.session.plan
-        return next_probe(self._task.name, held, seen, episode, self._made, plan, seed, self._site)
+        episode = self._cell.episode
+        return next_probe(self._task.name, self._held, seen, episode, self._made, plan, seed, self._site)
 
     def _home(self) -> Track:
         """A random push, most of which go towards the middle. Raises PlanningError where it may not be made."""
-        track = self._world.random()
+        track = self._cell.world.random()
         why = refusal(probe_motion(self._task, track, self._site), self._site)
         if why:
             raise PlanningError(f"The rope lies where no push may be made: {why}")
@@ -136,18 +154,6 @@ class ProbedCell:
 
     def _view(self, particles: Particles) -> ProjectionView:
         return ProjectionView(time_s=particles.time_s, points=resample_to(particles.positions, self._count))
-
-    def _seen_push(self, before: ProjectionView, take: PushSample, told: Sequence[Message]) -> Push:
-        during, after = (message for message in told if isinstance(message, Particles))
-        assert any(isinstance(message, Transition) for message in told)
-        return Push(
-            episode=take.episode,
-            before=before,
-            during=(self._view(during),),
-            after=self._view(after),
-            command=take.command,
-            measured=take.measured,
-        )
 
 
 def recommend(task: Task, study: Study, held: Belief, count: int, *, seed: int, site: Site) -> list[Probe]:
@@ -181,8 +187,3 @@ def believed_of(task: Task, study: Study | None) -> Belief:
     if study is not None and study.task != recorded(task.name):
         raise UsageError(f"The recordings are of {study.task}, not of {recorded(task.name)}; name that task.")
     return belief(task.name, study)
-
-
-def _write(file: EpisodeFile, messages: Sequence[Message]) -> None:
-    for message in messages:
-        file.write(message, now_s=message.time_s)

@@ -57,9 +57,9 @@ class RecordedState:
 
 def moment(timeline: Timeline, time_s: float) -> RecordedState:
     """State at `time_s` [s]. Raises UsageError if that is too little to plan with."""
-    board = reduce(ConsoleState.after, timeline.at(time_s), ConsoleState(replay=True))
-    lacking = [name for name, seen in (("object", board.particles), ("goal", board.goal)) if seen is None]
-    if board.particles is None or board.goal is None:
+    state = reduce(ConsoleState.after, timeline.at(time_s), ConsoleState(replay=True))
+    lacking = [name for name, seen in (("object", state.particles), ("goal", state.goal)) if seen is None]
+    if state.particles is None or state.goal is None:
         raise UsageError(
             f"At {time_s:.2f} s of {timeline.path} no {' and no '.join(lacking)} had been seen, so that nothing can be "
             "planned; choose a later moment, or a recording that has them."
@@ -67,10 +67,10 @@ def moment(timeline: Timeline, time_s: float) -> RecordedState:
     return RecordedState(
         time_s=timeline.clock(time_s),
         episode=timeline.episode(time_s),
-        particles=board.particles,
-        goal=board.goal,
-        model=board.model,
-        tool=board.arm.tool if board.arm else None,
+        particles=state.particles,
+        goal=state.goal,
+        model=state.model,
+        tool=state.arm.tool if state.arm else None,
         then=timeline.plan_about(time_s),
     )
 

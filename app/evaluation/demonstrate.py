@@ -13,7 +13,7 @@ from app import __version__
 from app.core.dialogue.summary import Summary
 from app.core.errors import RecordingError
 from app.core.geometry.scene_description import Rope, RopeModel
-from app.core.messages import Episode, Goal, Message, Transition, fresh_id
+from app.core.messages import Episode, Message, Transition, fresh_id
 from app.evaluation.episode import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
 from app.jobs.worker_api import calibrate, nominal_model
 from app.planner.method import Method
@@ -56,23 +56,11 @@ def demonstrations(
     known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:
         steps = list[EpisodeStep]()
-        goal = known.goal(seed, known.preset(preset).particle_count)
-        config = EpisodeConfig(
-            task=known,
-            preset=preset,
-            goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
-            model=model,
-            seed=seed,
-            pushes=known.horizon,
-            automatic=True,
-            calibrating=False,
-            method=method,
-        )
         otherwise = EXPERTS["planned"] if expert == "descended" else None
         order = EvaluationConfig(
             task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise
         )
-        yield Demonstration(config, steps, play(order, steps.append))
+        yield Demonstration(order.episode, steps, play(order, steps.append))
 
 
 def record(shown: Demonstration, path: Path) -> int:
@@ -122,15 +110,18 @@ def _messages(shown: Demonstration) -> Iterator[Message]:
         if step is shown.steps[0]:
             yield from step.frames
             yield step.before
-        seen_s, executed = step.before.time_s, step.transition.executed
-        proposal = config.proposal(step.plan, step.before, config.model, began_s=seen_s, now_s=seen_s)
-        yield proposal
+        executed = step.transition.executed
+        yield step.proposal
+        yield step.decision
+        yield step.approved
         yield executed
         if later is not None:
             yield from later.frames
         yield step.after
         yield step.transition
-        yield summary.scored(proposal, step.before, executed, step.after, config.target, now_s=step.transition.time_s)
+        yield summary.scored(
+            step.proposal, step.before, executed, step.after, config.target, now_s=step.transition.time_s
+        )
 
 
 def write_calibrated_model(

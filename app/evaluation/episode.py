@@ -1,26 +1,29 @@
 """One episode in lock step, by the loop of the running application."""
 
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, TypeAlias, final
+from functools import cached_property
+from typing import Literal, NamedTuple, TypeAlias, final
 
 import numpy as np
 
 from app.config import Site
+from app.core.dialogue.approval import Approved, automatic_decision
 from app.core.errors import DipacError, PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.orientation import UNKNOWN
-from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
+from app.core.messages import Decision, Executed, Frame, Goal, Model, Particles, Proposal, Transition, fresh_id
 from app.core.types import Centreline, Points
 from app.jobs import worker_api
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
 from app.rig.simulated.lockstep import LockStep
-from app.session.loop import go_round
-from app.tasks.elements.base import Task
+from app.session.approving import approval_gate
+from app.session.loop import complete, go_round
+from app.tasks.elements.base import EpisodeConfig, Task
 
 Eyes: TypeAlias = Literal["cameras", "truth"]
 """Rendered images that perception makes particles of; or the truth, spread as evenly and with the noise of that."""
@@ -51,15 +54,35 @@ class EvaluationConfig:
     play_on: bool = False
     otherwise: Method | None = None
 
+    @cached_property
+    def episode(self) -> EpisodeConfig:
+        """Configuration of the running application for the same episode."""
+        task = self.task
+        goal = task.goal(self.seed, task.preset(self.preset).particle_count)
+        return EpisodeConfig(
+            task=task,
+            preset=self.preset,
+            goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
+            model=self.model,
+            seed=self.seed,
+            pushes=task.horizon if self.actions is None else self.actions,
+            automatic=True,
+            calibrating=self.online,
+            method=self.method,
+        )
+
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeStep:
-    """One action: what was seen, planned and made, and what was seen then. `frames` are those of `before`."""
+    """One action: what was seen, planned, approved and made, and what was seen then. `frames` are those of `before`."""
 
     frames: Sequence[Frame]
     before: Particles
     plan: Plan
+    proposal: Proposal
+    decision: Decision
+    approved: Approved
     transition: Transition
     after: Particles
     model: Model
@@ -97,26 +120,31 @@ def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | N
     """Play until the object is seen where it shall be, the actions are used up, or something fails."""
     stages = _LockStepStages(order, site or Site(), listen)
     try:
-        _complete(stages.run())
+        complete(stages.run())
     except DipacError as error:
         stages.played.failure = str(error)
     return stages.played
 
 
-def _complete(coroutine: Coroutine[Any, Any, None]) -> None:
-    """Run a coroutine that never waits, without an event loop: Ctrl-C interrupts it as it does any function."""
-    try:
-        coroutine.send(None)
-    except StopIteration:
-        return
-    coroutine.close()
-    raise AssertionError("A stage of an episode in lock step has waited.")
+class _Offer(NamedTuple):
+    """Plan, and what of it is shown for approval."""
+
+    plan: Plan
+    proposal: Proposal
+
+
+class _Approval(NamedTuple):
+    """Decision on an offer, and leave to make its motion."""
+
+    offer: _Offer
+    decision: Decision
+    approved: Approved
 
 
 class _Made(NamedTuple):
-    """Plan, and its motion as it was made."""
+    """Approval, and the motion as it was made."""
 
-    plan: Plan
+    approval: _Approval
     executed: Executed
 
 
@@ -130,8 +158,9 @@ class _LockStepStages:
     def __init__(self, order: EvaluationConfig, site: Site, listen: Listener | None) -> None:
         self._order, self._site, self._task = order, site, order.task
         self._count = order.task.preset(order.preset).particle_count
+        self._gate = approval_gate(site.timing)
         self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
-        self._goal, self._model = order.task.goal(order.seed, self._count), order.model
+        self._goal, self._model = order.episode.target, order.model
         self._method, self._listen = order.method, listen
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
@@ -148,44 +177,54 @@ class _LockStepStages:
 
     async def observe(self) -> Particles | None:
         """The object as it was seen last; None where it is at the goal, or the actions are used up."""
-        played, actions = self.played, self._order.actions
-        limit = self._task.horizon if actions is None else actions
+        played, limit = self.played, self._order.episode.pushes
         if played.done is None and self._task.ended(self._seen.positions, self._goal, self._cell.tool):
             played.done = len(played.decision_s)
         at_goal = played.done is not None and not self._order.play_on
         self._over = at_goal or len(played.decision_s) >= limit
         return None if self._over else self._seen
 
-    async def plan(self, observed: Particles) -> Plan:
-        """The method's plan. Raises PlanningError where it finds none."""
+    async def plan(self, observed: Particles) -> _Offer:
+        """The method's plan, as it is offered. Raises PlanningError where it finds none."""
         began_s = time.perf_counter()
         plan = self._plan(observed.positions, len(self.played.decision_s))
         self.played.decision_s.append(time.perf_counter() - began_s)
         self._remember(observed.positions)
-        return plan
+        now_s = self._cell.time_s  # Planning takes none of the world's time.
+        return _Offer(plan, self._order.episode.proposal(plan, observed, self._model, began_s=now_s, now_s=now_s))
 
-    async def approve(self, plan: Plan) -> Plan:
-        """The plan: nobody is asked, and nothing moves while it is made."""
-        return plan
+    async def approve(self, plan: _Offer) -> _Approval:
+        """Leave to make the motion: nobody is asked, and the gate is the application's.
 
-    async def execute(self, leave: Plan) -> _Made:
+        Raises ApprovalRefused where it does not let the motion pass.
+        """
+        now_s = self._cell.time_s
+        self._gate.show(plan.proposal)
+        decision = automatic_decision(plan.proposal, now_s=now_s)
+        return _Approval(plan, decision, self._gate.approve(decision, latest=self._seen, now_s=now_s))
+
+    async def execute(self, leave: _Approval) -> _Made:
         """The motion as the cell made it. Raises MotionRefused where the arm's limits do not allow it."""
-        made = _Made(leave, self._cell.execute(leave.motion))
-        self._near = leave.centreline
+        made = _Made(leave, self._cell.execute(leave.approved))
+        self._near = leave.offer.plan.centreline
         self._judge()
         return made
 
     async def learn(self, made: _Made) -> None:
         """Look at what came of it, and learn from it."""
         frames, before, after = self._frames, self._seen, self._see()
-        transition = self._learn(before, made.executed, after)
+        (offer, decision, approved), executed = made
+        transition = self._learn(before, executed, after)
         self.played.models.append(self._model)
         if self._listen is not None:
             self._listen(
                 EpisodeStep(
                     frames=frames,
                     before=before,
-                    plan=made.plan,
+                    plan=offer.plan,
+                    proposal=offer.proposal,
+                    decision=decision,
+                    approved=approved,
                     transition=transition,
                     after=after,
                     model=self._model,

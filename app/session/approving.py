@@ -2,7 +2,7 @@
 
 from typing import final
 
-from app.config import Site
+from app.config import Site, Timing
 from app.core.announcer import MessageBus
 from app.core.dialogue.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.errors import ApprovalRefused
@@ -22,9 +22,7 @@ class Approving:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
         self._oldest_s, self._drift_m = timing.plan_max_age_s, timing.plan_max_drift_m
-        self._gate = ApprovalGate(
-            max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
-        )
+        self._gate = approval_gate(timing)
         self._sensing, self._store = sensing, store
         self._announcer, self._clock = announcer, clock
 
@@ -48,7 +46,7 @@ class Approving:
                     return
         self._given_up(proposal, asked)
 
-    async def decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
+    async def wait_for_decision(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
         """Show it and wait for a decision: that, and leave to make the motion where it is approved and not refused.
 
         Neither where the proposal grew old or is void.
@@ -101,3 +99,10 @@ class Approving:
         latest = self._sensing.particles.value
         assert latest is not None, "a plan is made for particles that were seen"
         return latest
+
+
+def approval_gate(timing: Timing) -> ApprovalGate:
+    """The gate of a cell with these limits of age and drift."""
+    return ApprovalGate(
+        max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
+    )

@@ -85,8 +85,8 @@ class Preflight:
 
     async def confirm(self, request: ChecklistRequest) -> None:
         """Record an operator's confirmation of a checklist item, and check anew."""
-        state = self._store.dispatch(request)
-        if not state.passed and request.key in state.confirmable:
+        confirmed = self._store.state.confirmed
+        if self._store.dispatch(request).confirmed is not confirmed:  # The rules took it.
             await self._look()
 
     async def _look(self) -> None:

@@ -1,9 +1,11 @@
 """The loop: observe -> plan -> approve -> execute -> learn, and again from what the cameras then see.
 
-Nothing is assumed about where the object went. A session (`stages.py`) and an evaluation in lock step go round by it.
+Nothing is assumed about where the object went. A session (`stages.py`), an evaluation in lock step, and pushes that are
+recorded in a world with hidden effects go round by it.
 """
 
-from typing import Protocol, TypeVar
+from collections.abc import Coroutine
+from typing import Any, Protocol, TypeVar
 
 ObservedT = TypeVar("ObservedT")
 PlanT = TypeVar("PlanT")
@@ -46,3 +48,13 @@ async def go_round(stages: LoopStages[ObservedT, PlanT, LeaveT, MadeT]) -> None:
     if (made := await stages.execute(leave)) is None:
         return
     await stages.learn(made)
+
+
+def complete(coroutine: Coroutine[Any, Any, None]) -> None:
+    """Run a coroutine that never waits, without an event loop: Ctrl-C interrupts it as it does any function."""
+    try:
+        coroutine.send(None)
+    except StopIteration:
+        return
+    coroutine.close()
+    raise AssertionError("A stage of a loop on a clock of its own has waited.")

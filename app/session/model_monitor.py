@@ -28,13 +28,13 @@ class ExecutedPush(NamedTuple):
 class Watching:
     """Monitor of the model: publishes a `Watched` after every push, and a notice when the model stops being right.
 
-    `seen` of the pushes that were `submitted` have been watched.
+    `processed` of the pushes that were `submitted` have been watched.
     `verdict`: of the discovery that the model in use is from, if it is from one; said at the beginning. `recording`:
     where this session is recorded.
     """
 
     def __init__(self, announcer: MessageBus, clock: Clock, verdict: Verdict | None, recording: Path | None) -> None:
-        self.seen = self.submitted = 0
+        self.processed = self.submitted = 0
         self._announcer, self._clock = announcer, clock
         self._verdict, self._recording = verdict, recording
         self._pushes = Lossless[ExecutedPush]("watched pushes", bound=100)
@@ -54,7 +54,7 @@ class Watching:
             self._announcer.say(watched)
             if self._watch.alarmed and not before.alarmed:
                 self._announcer.notice("watch", alarm(watched))
-            self.seen += 1
+            self.processed += 1
 
     def _assess_push(self, push: ExecutedPush) -> tuple[Watch, Watched]:
         seen = _glance(push, self._verdict.promised_share if self._verdict else float("nan"))

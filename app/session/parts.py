@@ -13,7 +13,7 @@ from app.core.system.worker import Worker
 from app.session.approving import Approving
 from app.session.gates import Preflight, StopLatch, confirmable
 from app.session.model_monitor import Watching
-from app.session.model_updates import Learning
+from app.session.model_updates import Learning, Modelling
 from app.session.perception_stage import Sensing
 from app.session.planning import Planning
 from app.session.reporting import Reporting
@@ -60,7 +60,8 @@ class Parts:
         self.store = SessionStore(_initial(config, site, rig, now_s=clock.now()), *by)
         self.latch = StopLatch(rig.arm, self.store, *by)
         self.sensing = Sensing(rig, how, self.summary, *by, computers)
-        self.learning = Learning(config, planner, site, *by, computers)
+        self.learning = Learning(config, site, self.store, self.announcer, computers)
+        self.modelling = Modelling(config.task.name, planner, *by)
         self.probing = Probing(config, planner, site, self.sensing, *by)
         self.planning = Planning(config, planner, site, self.probing, *by)
         self.preflight = Preflight(rig, site, self.sensing, self.store, clock)

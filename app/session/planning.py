@@ -63,10 +63,10 @@ class Planning:
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
 
     async def begin(self, config: EpisodeConfig, do: Callable[[str], None]) -> Model:
-        """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
+        """Start the planner's process, reported to `do`, and return the initial model."""
         do("starting the planner")
         known = nominal_model if config.method.calibrated else uncalibrated_model
-        return self._announcer.say(config.model or await self._planner.run(known, config.task.name))
+        return config.model or await self._planner.run(known, config.task.name)
 
     async def warm_up(self, config: EpisodeConfig, model: Model) -> None:
         """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
@@ -83,7 +83,7 @@ class Planning:
                 return
             do(f"compiling {stage}")
 
-    def decided(self, proposal: Proposal, *, approved: bool) -> None:
+    def on_decision(self, proposal: Proposal, *, approved: bool) -> None:
         """React to a decision. A rejected plan is not proposed again before something has moved."""
         self._asking.answered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)

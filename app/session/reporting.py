@@ -38,7 +38,7 @@ class Reporting:
         while True:
             disk_free_bytes = await to_thread.run_sync(free_bytes, self._site.recordings, abandon_on_cancel=True)
             arm = await self._state()
-            now_s, model = self._clock.now(), learning.models.value
+            now_s, model = self._clock.now(), store.state.model
             proposal, particles = approving.proposals.value, sensing.particles.value
             self._announcer.say(
                 Health(

@@ -9,19 +9,23 @@ from typing import Final
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
 from app.core.dialogue.requests import EditRequest
-from app.core.messages import Decision, MessageId, StopRequest
+from app.core.messages import Decision, MessageId, Model, StopRequest
 from app.session.state import (
+    FUTILE_PLANS,
     PAUSE_S,
     UNATTENDED_S,
     Announce,
     AnnounceChecklist,
     AnnounceMode,
+    AnnounceModel,
+    ChosenModel,
     Event,
     Failure,
     HandRefusal,
     Inspection,
     Interruption,
     ModeChoice,
+    ModelUpdate,
     MotionEnd,
     Observation,
     Offer,
@@ -37,8 +41,6 @@ from app.session.state import (
 
 MOST_MOTIONS: Final = 1000
 """Largest number of motions without approval that may be asked for."""
-FUTILE_PLANS: Final = 2
-"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
 _EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
 _MOST_PAUSES: Final = 3
 """Most pauses in a row of an unattended run that goes on by itself."""
@@ -67,6 +69,10 @@ def reduce(state: SessionState, event: Event) -> Reduced:
             return Reduced(_interrupt(state, event.why))
         case Reconfiguration():
             return Reduced(_interrupt(replace(state, config=event.config), event.why))
+        case ModelUpdate():
+            return _on_model_update(state, event)
+        case ChosenModel():
+            return _on_chosen_model(state, event)
         case Offer():
             return Reduced(replace(state, pending=event.proposal, decision=None))
         case Withdrawal():
@@ -180,10 +186,35 @@ def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
     state = replace(state, futile=state.futile % FUTILE_PLANS + 1)
     said = "The best motion found is no better than none, by the model; it is not made."
     notice = Announce("plan", said, (event.proposal.id,))
-    if state.futile < FUTILE_PLANS:
+    if not state.exhausted:
         return Reduced(state, (notice,))
     state, commands = _leave_off(state, _EXHAUSTED)
     return Reduced(state, (notice, *commands))
+
+
+# Models: version numbers of those in use only grow, whoever made them.
+
+
+def _on_model_update(state: SessionState, event: ModelUpdate) -> Reduced:
+    """Go on with what was learned, unless somebody chose another model meanwhile: it is not about that one."""
+    if state.model is not event.replaces:
+        return Reduced(state)
+    return Reduced(replace(state, model=_numbered_model(state, event.model)), (AnnounceModel(),))
+
+
+def _on_chosen_model(state: SessionState, event: ChosenModel) -> Reduced:
+    """Plan with it, and for the goal as its cameras show it."""
+    model, request = _numbered_model(state, event.model), event.request
+    said = f"{request.operator} chose the model of {request.source}; it is version {model.version} now."
+    state = replace(state, model=model, config=replace(state.config, shown_goal=event.shown_goal))
+    notice = Announce("model", said + event.compiling, (request.id,))
+    return Reduced(_interrupt(state, "is of another model"), (notice, AnnounceModel()))
+
+
+def _numbered_model(state: SessionState, model: Model) -> Model:
+    """The model as the newest version; the first one keeps its number."""
+    version = model.version if state.model is None else state.model.version + 1
+    return model if model.version == version else replace(model, version=version)
 
 
 # Stops: nothing moves from a stop until an operator resumes.
@@ -217,8 +248,7 @@ def _on_motion_end(state: SessionState, event: MotionEnd) -> Reduced:
 
 
 def _on_decision(state: SessionState, decision: Decision) -> Reduced:
-    pending = state.pending
-    waited_for = pending is not None and pending.id == decision.proposal_id and state.decision is None
+    waited_for = state.shown_plan(decision.proposal_id) is not None and state.decision is None
     if not waited_for or state.mode == "automatic":
         return Reduced(state, (_not_shown(decision),))
     return Reduced(replace(state, decision=decision))
@@ -229,7 +259,7 @@ def _not_shown(decision: Decision) -> Announce:
 
 
 def _on_edit(state: SessionState, request: EditRequest) -> Reduced:
-    if state.pending is not None and state.pending.id == request.proposal_id:
+    if state.shown_plan(request.proposal_id) is not None:
         return Reduced(state)
     return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))
 

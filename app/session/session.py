@@ -18,7 +18,7 @@ from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
 from app.session.parts import Parts
 from app.session.requests.chores import Chores
 from app.session.stages import SessionStages
-from app.session.state import Failure, ModeChoice
+from app.session.state import Failure, ModeChoice, ModelUpdate
 
 _LAST_CALIBRATION_S = 300.0
 """Timeout at the end of an episode for learning from its last pushes."""
@@ -80,7 +80,8 @@ class Session:
     async def _work(self, stages: TaskGroup) -> None:
         """Go round until the session ends. What of it is done depends on the mode."""
         it, config = self.parts, self.store.state.config
-        it.learning.begin(model := await it.planning.begin(config, it.reporting.do))
+        model = await it.planning.begin(config, it.reporting.do)
+        self.store.dispatch(ModelUpdate(model, replaces=None))
         stages.start_soon(self._chores.run)
         stages.start_soon(it.planning.warm_up, config, model)
         while not self.store.state.ended:
@@ -93,6 +94,6 @@ class Session:
                 self.store.dispatch(Failure())
         it.reporting.do("finishing the calibration")
         with it.clock.move_on_after(_LAST_CALIBRATION_S):
-            while it.learning.done < it.learning.submitted or it.watching.seen < it.watching.submitted:
+            while it.learning.processed < it.learning.submitted or it.watching.processed < it.watching.submitted:
                 await it.clock.sleep(it.site.timing.health_period_s)
         it.reporting.do("done")

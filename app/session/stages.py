@@ -11,7 +11,6 @@ from app.session.loop import go_round
 from app.session.model_monitor import ExecutedPush
 from app.session.parts import Parts
 from app.session.planning import FAILURES_IN_A_ROW
-from app.session.rules import FUTILE_PLANS
 from app.session.state import HandRefusal, MotionEnd, Observation, PlanAssessment, UnaskedMotion
 
 _GAIN: Final = 0.05
@@ -74,7 +73,7 @@ class SessionStages:
         config, asked = state.config, state.interruptions
         seeds = (config.seed, parts.summary.pushes, self._attempts)
         tool = parts.rig.arm.tool()
-        proposal = await parts.planning.proposal(config, observed, parts.learning.current, tool, seeds, at=asked)
+        proposal = await parts.planning.proposal(config, observed, state.model_in_use, tool, seeds, at=asked)
         self._attempts += 1
         self._invalidate_observations()
         if (state := self._store.state).interruptions != asked:
@@ -94,9 +93,9 @@ class SessionStages:
             return None
         parts.reporting.do("waiting for approval")
         target = state.config.target
-        decision, approved = await parts.approving.decided(plan)
+        decision, approved = await parts.approving.wait_for_decision(plan)
         if decision is not None and (approved or not decision.approve):
-            parts.planning.decided(plan, approved=approved is not None)
+            parts.planning.on_decision(plan, approved=approved is not None)
         self._invalidate_observations()
         return None if approved is None else Leave(plan, approved, parts.sensing.particles.value, target)
 
@@ -120,7 +119,7 @@ class SessionStages:
             now_s = parts.clock.now()
             parts.announcer.say(parts.summary.scored(proposal, before, executed, after, target, now_s=now_s))
             if self._store.state.config.answering:
-                transition, model = self._note_transition(before, executed, after), parts.learning.models.value
+                transition, model = self._note_transition(before, executed, after), self._store.state.model
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
                 await parts.probing.put(transition, before, after, parts.reporting.do)
                 await parts.learning.put(transition)
@@ -177,7 +176,7 @@ class SessionStages:
         parts = self._parts
         transition = parts.announcer.say(Transition.between(before, executed, after, time_s=parts.clock.now()))
         parts.demonstrating.learned(transition)
-        parts.planning.note_transition(transition, parts.learning.current)
+        parts.planning.note_transition(transition, self._store.state.model_in_use)
         return transition
 
     async def _look(self) -> Particles:
@@ -202,7 +201,7 @@ class SessionStages:
         config = self._store.state.config
         weighs = config.task.at_rest and not config.method.alone
         worth = not weighs or proposal.is_improvement or brings_nearer(proposal, config.target)
-        if self._store.dispatch(PlanAssessment(proposal, worth)).futile >= FUTILE_PLANS:
+        if self._store.dispatch(PlanAssessment(proposal, worth)).exhausted:
             self._parts.summary.exhausted = True
         return worth
 

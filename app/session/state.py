@@ -6,14 +6,17 @@ from typing import Final, Literal, NamedTuple, TypeAlias, final
 
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
-from app.core.dialogue.requests import EditRequest
-from app.core.messages import Decision, Executed, MessageId, Proposal, StopRequest
+from app.core.dialogue.requests import EditRequest, ModelRequest
+from app.core.messages import Decision, Executed, MessageId, Model, Proposal, StopRequest
+from app.core.types import Points
 from app.tasks.elements.base import EpisodeConfig
 
 Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
 """Policy for unattended motion: allowed on request, after confirmation, or never."""
 UNATTENDED_S: Final = 120.0
 """Timeout of a run with automatic approval for a resume after a stop."""
+FUTILE_PLANS: Final = 2
+"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
 PAUSE_S: Final = 5.0
 """Pause before such a run goes on by itself if only the arm's own process stopped it."""
 
@@ -23,6 +26,7 @@ PAUSE_S: Final = 5.0
 class SessionState:
     """All that the rules depend on.
 
+    `model`: the one in use; None until the planner's process has said the first.
     `mode` was asked for by `holder`, by nobody if the program began in it; `mode_changes` counts its ends.
     `interruptions` counts the times that plans became void, the last time because the plan `interrupted`.
     `pending`: the plan that a decision is waited for; `decision`: the first one on it. `pushes_before`: pushes made
@@ -38,6 +42,7 @@ class SessionState:
 
     config: EpisodeConfig
     automatic: Automatic
+    model: Model | None = None
 
     mode: ModeName
     motions: int
@@ -65,6 +70,21 @@ class SessionState:
     items: tuple[CheckItem, ...] = ()
     passed: bool = False
     by_hand: bool = False
+
+    @property
+    def model_in_use(self) -> Model:
+        """The model in use, once there is one: nothing is planned or learned before."""
+        assert self.model is not None, "the planner's process has said one"
+        return self.model
+
+    def shown_plan(self, proposal_id: MessageId) -> Proposal | None:
+        """The plan of this id, if it is the one that a decision is waited for."""
+        return self.pending if self.pending is not None and self.pending.id == proposal_id else None
+
+    @property
+    def exhausted(self) -> bool:
+        """True after so many plans in a row that were no better than no motion."""
+        return self.futile >= FUTILE_PLANS
 
     @property
     def patience_s(self) -> float | None:
@@ -95,6 +115,28 @@ class Reconfiguration(NamedTuple):
 
     config: EpisodeConfig
     why: str
+
+
+@final
+class ModelUpdate(NamedTuple):
+    """A model was learned, and replaces the one that it continues; the first one of a session replaces none."""
+
+    model: Model
+    replaces: Model | None
+
+
+@final
+class ChosenModel(NamedTuple):
+    """The model that an operator asks for is sound.
+
+    `shown_goal` (M, 3) [m]: the goal as its cameras show it, None if they do not err; `compiling`: a sentence on what
+    the planner compiles for it, empty if nothing.
+    """
+
+    request: ModelRequest
+    model: Model
+    shown_goal: Points | None
+    compiling: str
 
 
 @final
@@ -195,6 +237,8 @@ Event: TypeAlias = (
     | ChecklistRequest
     | Interruption
     | Reconfiguration
+    | ModelUpdate
+    | ChosenModel
     | Offer
     | Withdrawal
     | PlanAssessment
@@ -226,11 +270,16 @@ class AnnounceMode(NamedTuple):
 
 
 @final
+class AnnounceModel(NamedTuple):
+    """Command to publish the model in use."""
+
+
+@final
 class AnnounceChecklist(NamedTuple):
     """Command to publish the checklist."""
 
 
-Command: TypeAlias = Announce | AnnounceMode | AnnounceChecklist
+Command: TypeAlias = Announce | AnnounceMode | AnnounceModel | AnnounceChecklist
 
 
 @final

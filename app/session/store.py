@@ -12,7 +12,7 @@ from app.core.dialogue.control import Mode
 from app.core.messages import MessageId, fresh_id
 from app.core.ports import Clock
 from app.session.rules import reduce
-from app.session.state import Announce, AnnounceChecklist, AnnounceMode, Command, Event, SessionState
+from app.session.state import Announce, AnnounceChecklist, AnnounceMode, AnnounceModel, Command, Event, SessionState
 
 
 @final
@@ -78,6 +78,8 @@ class SessionStore:
                 self._announcer.notice(command.where, command.text, *command.about)
             case AnnounceMode():
                 self.mode = self._announcer.say(self._mode(command.cause))
+            case AnnounceModel():
+                self._announcer.say(self.state.model_in_use)
             case AnnounceChecklist():
                 self._announcer.say(self._checklist())
 

@@ -37,11 +37,11 @@ class TargetHandle:
         )
         self._handle.on_update(self._on_drag)
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Show or hide it; put it back where an operator dragged it without permission."""
-        shown = board.teleoperated
-        if shown and not self._handle.visible and board.arm is not None:
-            self._set_position(board.arm.pose[:3])
+        shown = state.teleoperated
+        if shown and not self._handle.visible and state.arm is not None:
+            self._set_position(state.arm.pose[:3])
         if shown != self._handle.visible:
             self._handle.visible = shown
         if not np.allclose(self._handle.position, self._at):

@@ -189,12 +189,12 @@ def _set_scene(
     aim = TargetHandle(viser_host.server, limits.workspace, controller, hand) if hand else None
     playback = Playback(viser_host.server, player) if player else None
 
-    def paint(board: ConsoleState, now_s: float) -> None:
+    def paint(state: ConsoleState, now_s: float) -> None:
         with viser_host.server.atomic():
-            scene.paint(board, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
-            panel.paint(board, now_s)
+            scene.paint(state, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
+            panel.paint(state, now_s)
             if aim is not None:
-                aim.paint(board)
+                aim.paint(state)
             if playback is not None:
                 playback.paint()
 

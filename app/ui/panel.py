@@ -43,7 +43,7 @@ class Panel:
         self._last = ConsoleState()
         self._drift = DriftMeter(timing)
         self._mode = Text(self._gui, cards.mode(self._last, controller.now()))
-        commands = not controller.board.replay
+        commands = not controller.state.replay
         self._checklist = ChecklistForm(self._gui, controller) if commands else None
         self._decision = DecisionForm(self._gui, controller) if commands else None
         self._modes: ModeForm | None = None
@@ -63,30 +63,30 @@ class Panel:
         self._place_main()
         self._build_side(commands=commands)
 
-    def paint(self, board: ConsoleState, now_s: float) -> None:
-        """Update the panels to the board and the clock."""
-        self._mode.put(cards.mode(board, now_s))
+    def paint(self, state: ConsoleState, now_s: float) -> None:
+        """Update the panels to the state and the clock."""
+        self._mode.put(cards.mode(state, now_s))
         if self._checklist is not None:
-            self._checklist.paint(board)
+            self._checklist.paint(state)
         if self._decision is not None:
-            self._decision.paint(board, now_s)
+            self._decision.paint(state, now_s)
         if self._modes is not None:
-            self._modes.paint(board)
+            self._modes.paint(state)
         if self._demonstrations is not None:
-            self._demonstrations.paint(board)
+            self._demonstrations.paint(state)
         if self._goal is not None:
-            self._goal.paint(board)
+            self._goal.paint(state)
         if self._placing is not None:
-            self._placing.paint(board)
-        self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
-        self._plans.paint(board)
-        self._watch.put(model_monitor_panel.watch(board))
-        self._verdict.put(model_monitor_panel.verdict(board))
-        self._health.put(cards.health(board, now_s))
-        self._episode.put(cards.episode(board))
-        self._plots.paint(board)
-        self._modelling.paint(board)
-        self._cell.paint(board, now_s)
+            self._placing.paint(state)
+        self._plan.put(cards.plan(state, now_s, self._drift.since(state)))
+        self._plans.paint(state)
+        self._watch.put(model_monitor_panel.watch(state))
+        self._verdict.put(model_monitor_panel.verdict(state))
+        self._health.put(cards.health(state, now_s))
+        self._episode.put(cards.episode(state))
+        self._plots.paint(state)
+        self._modelling.paint(state)
+        self._cell.paint(state, now_s)
 
     def _place_main(self) -> None:
         self._choose_theme(dark=True)

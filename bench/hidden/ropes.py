@@ -21,13 +21,14 @@ from app.perception.body.resample import resample
 from app.policy.random_pushes import REGION, PushDesign
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot, rehearse
+from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.curves import fill_tube
 from bench.hidden.draws import Chosen, real_size
 from bench.hidden.sizes import drawn_task
+from bench.rehearsal import rehearse
 
 SOFTER: Final = 0.5, 2.0
 """Bending rigidity, as a multiple of a limp rope's of that radius."""

@@ -8,10 +8,12 @@ import pytest
 
 from app.__main__ import main
 from app.commands.calibrate import calibrate
+from app.core.dialogue.approval import Approved
 from app.core.errors import UsageError
-from app.core.messages import Episode, Executed, Frame, Goal, Outcome, Particles, Proposal, Transition
+from app.core.messages import Decision, Episode, Executed, Frame, Goal, Outcome, Particles, Proposal, Transition
 from app.evaluation import demonstrate
 from app.recording.exchange.model_file import load_model
+from app.recording.format.channels import record_of
 from app.recording.format.integrity import inspect
 from app.recording.read.reader import read_episode, read_messages, read_transitions
 from app.tasks import load
@@ -35,10 +37,16 @@ def test_a_demonstration_is_a_whole_recording_of_what_was_seen_planned_and_made(
     assert path.name == "rope_push-1000.mcap"
     inspect(path)
     assert read_episode(path).task == "rope_push"
-    kinds = (Episode, Goal, Frame, Particles, Proposal, Executed, Transition, Outcome)
+    kinds = (Episode, Goal, Frame, Particles, Proposal, Decision, Approved, Executed, Transition, Outcome)
     messages = list(read_messages(path, kinds))
-    counts = {kind: sum(isinstance(message, kind) for message in messages) for kind in kinds}
-    assert counts == {Episode: 1, Goal: 1, Frame: 4, Particles: 3, Proposal: 2, Executed: 2, Transition: 2, Outcome: 2}
+    counts = {kind: sum(isinstance(message, (kind, record_of(kind))) for message in messages) for kind in kinds}
+    assert counts == {Episode: 1, Goal: 1, Frame: 4, Particles: 3} | dict.fromkeys(kinds[4:], 2)
+    # Each motion leads back to the particles that it was planned for.
+    by_id = {message.id: message for message in messages}
+    for executed in (message for message in messages if isinstance(message, Executed)):
+        approved = by_id[executed.approved_id]
+        assert set(approved.cause) <= by_id.keys()
+        assert set(by_id[approved.proposal_id].cause[:2]) <= by_id.keys()
     # What the object looked like before each action: the images that a policy learns from.
     seen = [message for message in messages if isinstance(message, Particles)]
     frames = {message.id for message in messages if isinstance(message, Frame)}

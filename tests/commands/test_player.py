@@ -44,22 +44,22 @@ async def test_the_desk_follows_the_player(tmp_path: Path) -> None:
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(show, player, timeline, Console(url="", controller=controller, requests=requests), planned)
         player.jump(3.0)
-        await until(lambda: controller.board.pending is not None)
-        assert not controller.board.decidable
-        assert controller.board.pending is not None
-        assert controller.now() == pytest.approx(controller.board.pending.time_s, abs=1e-3)
+        await until(lambda: controller.state.pending is not None)
+        assert not controller.state.decidable
+        assert controller.state.pending is not None
+        assert controller.now() == pytest.approx(controller.state.pending.time_s, abs=1e-3)
 
         player.order(ReplanRequest(time_s=3.0))
-        await until(lambda: controller.board.shown is AGAIN)
+        await until(lambda: controller.state.shown is AGAIN)
         assert player.replanned is not None
         player.set_speed(FASTEST)
         player.toggle()
-        await until(lambda: len(controller.board.outcomes) == 3)
+        await until(lambda: len(controller.state.outcomes) == 3)
         await until(lambda: not player.where.playing)
-        assert controller.board.executed is not None
+        assert controller.state.executed is not None
 
         player.jump(0.0)
-        await until(lambda: controller.board.shown is None)
-        assert controller.board.outcomes == ()
+        await until(lambda: controller.state.shown is None)
+        assert controller.state.outcomes == ()
         tasks.cancel_scope.cancel()
     await anyio.to_thread.run_sync(opening.__exit__, None, None, None)

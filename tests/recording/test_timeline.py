@@ -20,9 +20,9 @@ from tests.recording.demonstrations import PUSHES, demonstration
 from tests.recording.samples import Maker, Recording, record, same
 
 
-def folded(messages: list[Message], board: ConsoleState | None = None) -> ConsoleState:
+def folded(messages: list[Message], state: ConsoleState | None = None) -> ConsoleState:
     """But for the ids of plans that are gone, and for former colours: in a replay nobody goes back to those."""
-    known = reduce(ConsoleState.after, messages, board or ConsoleState(replay=True))
+    known = reduce(ConsoleState.after, messages, state or ConsoleState(replay=True))
     return replace(known, decided=(), colours=known.colours[-1:])
 
 

@@ -10,13 +10,13 @@ import pytest
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.scene_description import Finger, RopeModel
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope import resample
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.tasks import load
+from bench.rehearsal import rehearse
 from tests.rig.scene import PUSH_Z, ROPE, straight_rope
 
 TICK_S = 0.01

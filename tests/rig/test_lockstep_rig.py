@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from app.core.ports import Rig
-from app.rig.simulated.lockstep_rig import lockstep_rig
 from tests.conformance.test_rigs import *  # noqa: F403
 from tests.conformance.test_rigs import WANTED
+from tests.rig.lockstep_rig import lockstep_rig
 from tests.session.virtual import VirtualClock, VirtualLoop, install
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]

@@ -5,9 +5,10 @@ import pytest
 
 from app.policy.random_pushes import REGION, PushDesign
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import BEGIN_S, SLOT_S, PushSample, first_end, rehearse
+from app.rig.simulated.push_session import BEGIN_S, SLOT_S, PushSample, first_end
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
+from bench.rehearsal import rehearse
 from tests.rig.hidden.moments import injected
 
 TASK = load("rope_push")

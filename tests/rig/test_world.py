@@ -10,11 +10,11 @@ from app.config import Workspace
 from app.core.geometry.scene_description import RopeModel, Stage
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.push_session import rehearse
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import load
 from app.tasks.elements.curves import random_curve
+from bench.rehearsal import rehearse
 from tests.rig.hidden.moments import injected
 from tests.rig.hidden.moments import world as hiding_world
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope

@@ -23,8 +23,7 @@ from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.session.requests.calibrating import Calibrating
 from app.tasks.rope_push import TASK
-from tests.session.cell import MemoryLog
-from tests.session.test_model_selection import Shown
+from tests.session.cell import MemoryLog, Watcher
 from tests.session.virtual import VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
@@ -52,7 +51,7 @@ class Session:
     """A person who jogs the arm and takes views of one camera."""
 
     def __init__(self, rig: SimulatedRig, path: Path) -> None:
-        self.rig, self.shown = rig, Shown()
+        self.rig, self.shown = rig, Watcher()
         self.frames = {camera.model.name: Latest[Frame](camera.model.name) for camera in rig.cameras}
         announcer = MessageBus(operator=self.shown, recorder=MemoryLog(), clock=VirtualClock(), summary=Summary())
         self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, VirtualClock())

@@ -8,20 +8,23 @@ import pytest
 
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
-from app.core.dialogue.requests import EditRequest
-from app.core.messages import Decision, Goal, StopRequest, fresh_id
+from app.core.dialogue.requests import EditRequest, ModelRequest
+from app.core.messages import Decision, Goal, Model, StopRequest, fresh_id
 from app.session.rules import found_item, reduce
 from app.session.state import (
     Announce,
     AnnounceChecklist,
     AnnounceMode,
+    AnnounceModel,
     Automatic,
+    ChosenModel,
     Event,
     Failure,
     HandRefusal,
     Inspection,
     Interruption,
     ModeChoice,
+    ModelUpdate,
     MotionEnd,
     Observation,
     Offer,
@@ -333,6 +336,48 @@ def test_another_goal_or_model_voids_plans_with_its_reason() -> None:
     new, commands = after(state(), Reconfiguration(config, "is for another goal"))
     assert (new.config, new.interruptions, new.interrupted, commands) == (config, 1, "is for another goal", ())
     assert after(state(), Interruption("is offered as you changed it")).state.mode_changes == 0
+
+
+# Models
+
+
+def model(version: int) -> Model:
+    return replace(small_wish().model, id=fresh_id("model"), version=version)
+
+
+def choice(chosen: Model) -> ChosenModel:
+    """An operator's choice of an earlier model, whose cameras err."""
+    request = ModelRequest(id=fresh_id("model"), time_s=0.0, operator="ann", model=chosen, source="version 1")
+    return ChosenModel(request, chosen, synthetic.rope(0.2), " It takes a while.")
+
+
+def test_the_first_model_keeps_its_number_and_numbers_only_grow_from_it() -> None:
+    first, learned = model(4), model(5)
+    begun = after(state(), ModelUpdate(first, replaces=None))
+    assert (begun.state.model, begun.commands) == (first, (AnnounceModel(),))
+    new, commands = after(begun.state, ModelUpdate(learned, replaces=first))
+    assert (new.model, new.interruptions, commands) == (learned, 0, (AnnounceModel(),))
+    new = after(new, choice(model(2))).state
+    assert new.model_in_use.version == 6
+    assert after(new, ModelUpdate(model(5), replaces=new.model)).state.model_in_use.version == 7
+
+
+def test_what_is_learned_from_a_model_that_is_not_in_use_any_more_is_dropped() -> None:
+    first = model(0)
+    chosen = after(state(), ModelUpdate(first, replaces=None), choice(model(0))).state
+    for late in (ModelUpdate(model(1), replaces=first), ModelUpdate(model(0), replaces=None)):
+        new, commands = after(chosen, late)
+        assert (new.model, commands) == (chosen.model, ())
+
+
+def test_a_model_that_an_operator_chose_voids_plans_and_moves_the_goal_that_is_shown() -> None:
+    event = choice(model(1))
+    new, (notice, announced) = after(state(model=model(6)), event)
+    said = "ann chose the model of version 1; it is version 7 now. It takes a while."
+    assert (notice, announced) == (Announce("model", said, (event.request.id,)), AnnounceModel())
+    assert new.model_in_use.id == event.model.id
+    assert (new.interruptions, new.interrupted) == (1, "is of another model")
+    np.testing.assert_array_equal(new.config.target, synthetic.rope(0.2))
 
 
 # The checklist

@@ -6,10 +6,10 @@ import pytest
 
 from app.config import Site
 from app.core.messages import Executed, Goal, Outcome, fresh_id
-from app.rig.simulated.lockstep_rig import lockstep_rig
 from app.session import Parts, Session
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
+from tests.rig.lockstep_rig import lockstep_rig
 from tests.session.cell import MemoryLog, Person
 from tests.session.virtual import InsideWorker, VirtualClock
 

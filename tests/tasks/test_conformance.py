@@ -18,6 +18,7 @@ from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
 from app.tasks import Task, load, names
+from bench.approval import approved
 from tests.programs import program
 
 TASKS = names()
@@ -135,7 +136,7 @@ def test_the_experts_action_is_allowed_and_the_same_action_gives_the_same_world(
         now = PlanningState.at_rest(jnp.asarray(x)[None], tool)
         action = program(task.actions.project)(first_action(task.policy, task.policy.prepare(x, goal), now), now)
         assert bool(program(task.actions.allowed)(action, now)[0])
-        executed = cell.execute(task.actions.motion(np.asarray(action)[0], tool, Site()))
+        executed = cell.execute(approved(task.actions.motion(np.asarray(action)[0], tool, Site()), x))
         assert executed.outcome == "completed"
         made = task.actions.measured_path(executed.tool)
         assert made.shape == (task.actions.substeps + 1, coordinates(task))

@@ -16,24 +16,24 @@ from app.ui.parts.console_state import ConsoleState
 from tests.ui import synthetic
 
 
-def board_after(*messages: Message) -> ConsoleState:
-    board = ConsoleState()
+def state_after(*messages: Message) -> ConsoleState:
+    state = ConsoleState()
     for message in messages:
-        board = board.after(message)
-    return board
+        state = state.after(message)
+    return state
 
 
-def all_cards(board: ConsoleState) -> str:
-    now_s = board.health.time_s if board.health else 0.0
+def all_cards(state: ConsoleState) -> str:
+    now_s = state.health.time_s if state.health else 0.0
     dated = (cards.mode, cards.plan, cards.health, cards.log)
-    return "".join(card(board, now_s) for card in dated) + cards.episode(board)
+    return "".join(card(state, now_s) for card in dated) + cards.episode(state)
 
 
 @given(st.text(min_size=1))
 def test_no_word_from_outside_becomes_markup(text):
     hostile = f"<img src=x onerror=alert(1)>{text}"
     shown = all_cards(
-        board_after(
+        state_after(
             replace(synthetic.episode(), rig=hostile, code_version=hostile),
             replace(synthetic.model(1, 1e-5), parameters=()),
             synthetic.notice(hostile, hostile),
@@ -50,7 +50,7 @@ def test_no_word_from_outside_becomes_markup(text):
 
 def test_the_plan_card_shows_what_was_predicted_and_what_descent_gained():
     proposal = synthetic.proposal(synthetic.rope(0.5))
-    shown = cards.plan(board_after(proposal), proposal.time_s + 12.0)
+    shown = cards.plan(state_after(proposal), proposal.time_s + 12.0)
     assert words.distance(proposal.chamfer_m2) in shown
     assert words.distance(proposal.predicted_chamfer_m2) in shown
     assert f"{words.number(proposal.chosen.cost_before)} → {words.number(proposal.chosen.cost_after)}" in shown
@@ -74,28 +74,28 @@ def test_the_plan_card_shows_what_was_predicted_and_what_descent_gained():
     ],
 )
 def test_the_mode_line_says_in_words_what_goes_on(messages, says):
-    board = board_after(*messages)
+    state = state_after(*messages)
     now_s = max((message.time_s for message in messages), default=0.0)
-    assert says in cards.mode(board, now_s)
+    assert says in cards.mode(state, now_s)
 
 
 def test_silence_of_the_program_is_said_even_while_a_plan_is_up():
     health = synthetic.health()
-    board = board_after(health, synthetic.proposal(synthetic.rope(0.5)))
-    assert "Waiting for your approval" in cards.mode(board, health.time_s + 1)
-    assert "No news for 10 s" in cards.mode(board, health.time_s + 10)
+    state = state_after(health, synthetic.proposal(synthetic.rope(0.5)))
+    assert "Waiting for your approval" in cards.mode(state, health.time_s + 1)
+    assert "No news for 10 s" in cards.mode(state, health.time_s + 10)
 
 
 def test_ages_go_on_counting_while_no_report_comes():
     health = replace(synthetic.health(), frame_age_s={"left": 0.5})
-    assert "0.5 s" in cards.health(board_after(health), health.time_s)
-    late = cards.health(board_after(health), health.time_s + 20)
+    assert "0.5 s" in cards.health(state_after(health), health.time_s)
+    late = cards.health(state_after(health), health.time_s + 20)
     assert '<span class="dp-bad">20 s</span>' in late
 
 
 def test_what_is_wrong_with_a_camera_stands_below_its_age():
     health = replace(synthetic.health(), frame_age_s={"left": 7.0, "right": 0.1}, cameras={"left": "it is reset"})
-    rows = cards.health(board_after(health), health.time_s)
+    rows = cards.health(state_after(health), health.time_s)
     assert rows.index("Camera left") < rows.index("it is reset") < rows.index("Camera right")
 
 
@@ -126,6 +126,6 @@ def test_a_distance_is_the_drift_that_moves_every_point_by_that_much():
 
 def test_the_mode_card_names_the_mode_for_scripts_and_a_page_its_key():
     assert "teleoperate" not in cards.mode(ConsoleState(), 0.0)
-    assert 'data-mode="teleoperate"' in cards.mode(board_after(synthetic.mode("teleoperate")), 0.0)
+    assert 'data-mode="teleoperate"' in cards.mode(state_after(synthetic.mode("teleoperate")), 0.0)
     assert 'data-key="abc-_"' in cards.you("client 0", "abc-_")
     assert "data-key" not in cards.you("client 0")

@@ -19,13 +19,13 @@ PROPOSAL = synthetic.proposal(synthetic.rope(0.5))
 def test_it_is_what_the_gate_will_look_at_while_a_plan_is_pending_and_nothing_otherwise() -> None:
     since = DriftMeter(Timing()).since
     moved = synthetic.particles(synthetic.rope(0.5, centre=(0.556, 0.0)))
-    board = ConsoleState().after(moved)
-    assert math.isnan(since(board).drift_m)
-    board = board.after(PROPOSAL)
+    state = ConsoleState().after(moved)
+    assert math.isnan(since(state).drift_m)
+    state = state.after(PROPOSAL)
     expected_m = drift(PROPOSAL.observed, moved.positions)
     assert expected_m > 0.001
-    assert since(board).drift_m == since(board).drift_m == pytest.approx(expected_m)
-    back = board.after(synthetic.particles(PROPOSAL.observed))
+    assert since(state).drift_m == since(state).drift_m == pytest.approx(expected_m)
+    back = state.after(synthetic.particles(PROPOSAL.observed))
     assert since(back).drift_m == 0.0
     gone = back.after(replace(synthetic.notice("plan", "grew too old"), cause=(PROPOSAL.id,)))
     assert math.isnan(since(gone).drift_m)
@@ -46,8 +46,8 @@ def test_the_card_says_how_much_of_what_is_allowed(drift_m: float, tone: str | N
 
 def test_why_a_plan_came_to_nothing_stays_on_its_card_until_the_next() -> None:
     said = replace(synthetic.notice("approval", "The object has moved by 12 mm <since>."), cause=(PROPOSAL.id,))
-    board = ConsoleState().after(PROPOSAL).after(said)
+    state = ConsoleState().after(PROPOSAL).after(said)
     for index in range(20):
-        board = board.after(synthetic.notice("planner", f"something else {index}"))
-    assert "The object has moved by 12 mm &lt;since&gt;." in cards.plan(board, 0.0)
-    assert "12 mm" not in cards.plan(board.after(synthetic.proposal(synthetic.rope(0.4))), 0.0)
+        state = state.after(synthetic.notice("planner", f"something else {index}"))
+    assert "The object has moved by 12 mm &lt;since&gt;." in cards.plan(state, 0.0)
+    assert "12 mm" not in cards.plan(state.after(synthetic.proposal(synthetic.rope(0.4))), 0.0)

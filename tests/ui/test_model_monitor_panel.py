@@ -14,7 +14,7 @@ from app.ui.parts import cards
 from app.ui.parts.console_state import ConsoleState
 from app.ui.tabs import model_monitor_panel
 from tests.ui import synthetic
-from tests.ui.test_console_state import board_after
+from tests.ui.test_console_state import state_after
 
 WATCHED = Watched(
     id=fresh_id("watched"),
@@ -73,7 +73,7 @@ def test_what_the_model_promised_is_said_where_it_promised_something() -> None:
 
 
 def test_the_verdict_shows_its_own_causes_first_and_each_once() -> None:
-    shown = model_monitor_panel.verdict(board_after(VERDICT))
+    shown = model_monitor_panel.verdict(state_after(VERDICT))
     places = [shown.index(title) for title in ("Viscous film", "Stribeck friction", "Table tilt")]
     assert places == sorted(places)
     assert shown.count("Viscous film") == 1
@@ -93,8 +93,8 @@ def test_no_word_of_a_verdict_or_a_watch_becomes_markup(text: str) -> None:
         VERDICT, sentences=(hostile,), causes=(cause,), ranking=(cause,), next_push=hostile, source=hostile
     )
     watched = replace(WRONG, suspicions=(hostile,), advice=hostile)
-    board = ConsoleState(watched=watched, verdict=verdict)
-    assert "<img" not in model_monitor_panel.watch(board) + model_monitor_panel.verdict(board)
+    state = ConsoleState(watched=watched, verdict=verdict)
+    assert "<img" not in model_monitor_panel.watch(state) + model_monitor_panel.verdict(state)
 
 
 def test_where_the_last_push_was_to_end_is_shown_until_the_next_one_is_approved() -> None:
@@ -103,22 +103,22 @@ def test_where_the_last_push_was_to_end_is_shown_until_the_next_one_is_approved(
     made = Transition(
         id=fresh_id("transition"), time_s=2.0, before=proposal.observed, executed=executed, after=proposal.observed
     )
-    board = board_after(proposal, executed)
-    assert board.expected is None
-    board = board.after(made)
-    assert board.expected is proposal.chosen.predicted
-    assert board.ahead is None
+    state = state_after(proposal, executed)
+    assert state.expected is None
+    state = state.after(made)
+    assert state.expected is proposal.chosen.predicted
+    assert state.ahead is None
     following = synthetic.proposal(synthetic.rope(0.4), seed=1)
-    board = board.after(following)
-    assert board.expected is proposal.chosen.predicted
-    assert board.ahead is following.chosen.predicted
+    state = state.after(following)
+    assert state.expected is proposal.chosen.predicted
+    assert state.ahead is following.chosen.predicted
 
 
 def test_a_push_that_was_asked_for_is_called_one_and_has_no_cost() -> None:
     plain = synthetic.proposal(synthetic.rope(0.5), branches=1)
     branch = replace(plain.branches[0], origin="asked", cost_before=np.nan, cost_after=np.nan, terms={})
     asked = replace(plain, branches=(branch,), best=0)
-    board = board_after(asked)
-    assert words.origin(asked) in cards.plan(board, asked.time_s)
-    assert "Cost" not in cards.plan(board, asked.time_s)
-    assert "finding out what the model lacks" in cards.mode(board, asked.time_s)
+    state = state_after(asked)
+    assert words.origin(asked) in cards.plan(state, asked.time_s)
+    assert "Cost" not in cards.plan(state, asked.time_s)
+    assert "finding out what the model lacks" in cards.mode(state, asked.time_s)

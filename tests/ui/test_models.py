@@ -10,7 +10,7 @@ from app.ui.parts.console_state import ConsoleState, Made
 from app.ui.tabs import models
 from app.ui.tabs.modelling import course, label
 from tests.ui import synthetic
-from tests.ui.test_console_state import board_after
+from tests.ui.test_console_state import state_after
 from tests.ui.test_model_monitor_panel import WATCHED
 
 
@@ -48,8 +48,8 @@ def test_where_nothing_was_estimated_what_is_not_zero_is_told():
 
 
 def test_the_table_has_value_unit_interval_and_the_change_since_the_version_before():
-    board = board_after(version(1, 2e4), version(2, 3e4))
-    html = models.parameters(board, rows=models.notable_parameters(board.models))
+    state = state_after(version(1, 2e4), version(2, 3e4))
+    html = models.parameters(state, rows=models.notable_parameters(state.models))
     assert "3e+04 Pa" in html
     assert "+50 %" in html
     assert "2.4e+04 to 3.6e+04" in html
@@ -58,13 +58,13 @@ def test_the_table_has_value_unit_interval_and_the_change_since_the_version_befo
 
 
 def test_the_summary_says_the_version_its_source_its_error_and_whether_another_is_being_made():
-    board = board_after(version(3, 2e4))
-    assert "Version 3" in models.summary(board)
-    assert "from 3 motions, one-step error 2.5 mm" in models.summary(board)
-    assert "Calibrating now" not in models.summary(board)
-    learning = board.after(replace(synthetic.health(), calibrating=True))
+    state = state_after(version(3, 2e4))
+    assert "Version 3" in models.summary(state)
+    assert "from 3 motions, one-step error 2.5 mm" in models.summary(state)
+    assert "Calibrating now" not in models.summary(state)
+    learning = state.after(replace(synthetic.health(), calibrating=True))
     assert "Calibrating now" in models.summary(learning)
-    assert "the task's own guess" in models.summary(board_after(synthetic.model(0, float("nan"))))
+    assert "the task's own guess" in models.summary(state_after(synthetic.model(0, float("nan"))))
     assert "No model yet" in models.summary(ConsoleState())
 
 
@@ -90,8 +90,8 @@ def test_a_parameter_that_one_version_lacks_is_left_empty_there():
 
 def test_the_last_motion_is_told_in_numbers_and_drawn_from_above():
     proposal = synthetic.proposal(synthetic.rope(0.5))
-    board = board_after(proposal, synthetic.transition(synthetic.rope(0.5), synthetic.rope(0.2)), WATCHED)
-    html = models.last_motion(board.after(synthetic.outcome(1)))
+    state = state_after(proposal, synthetic.transition(synthetic.rope(0.5), synthetic.rope(0.2)), WATCHED)
+    html = models.last_motion(state.after(synthetic.outcome(1)))
     assert "3.4 mm <small>of 22.0 mm moved" in html
     assert "To the goal, seen" in html
     assert html.count("<g ") == 3
@@ -108,7 +108,7 @@ def test_from_above_the_table_s_x_is_up_and_its_y_left():
 
 def test_names_from_outside_are_escaped():
     bad = replace(version(1, 2e4), parameters=(Parameter(name="<b>", value=1.0, unit="<i>", low=0.5, high=2.0),))
-    for html in (models.compare(bad, bad), models.parameters(board_after(bad), rows=("<b>",))):
+    for html in (models.compare(bad, bad), models.parameters(state_after(bad), rows=("<b>",))):
         assert "<i>" not in html
         assert "<b>" not in html
 

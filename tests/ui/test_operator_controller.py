@@ -155,7 +155,7 @@ def test_everybody_may_stop_whoever_has_control():
     assert isinstance(program.requests[-1], StopRequest)
     program.controller.resume("client 1")
     assert isinstance(program.requests[-1], Notice)
-    assert program.controller.board.stopped
+    assert program.controller.state.stopped
 
 
 def test_control_is_given_back_left_behind_or_taken_from_who_does_not_use_it():
@@ -165,20 +165,20 @@ def test_control_is_given_back_left_behind_or_taken_from_who_does_not_use_it():
     program.controller.take("client 0")
     program.controller.take("client 1")
     program.controller.release("client 1")
-    assert program.controller.board.holder == "client 0"
+    assert program.controller.state.holder == "client 0"
     program.controller.release("client 0")
     program.controller.take("client 1")
     program.controller.left("client 0")
-    assert program.controller.board.holder == "client 1"
+    assert program.controller.state.holder == "client 1"
     program.controller.left("client 1")
-    assert program.controller.board.holder == ""
+    assert program.controller.state.holder == ""
     program.controller.take("client 2")
     now_s = 59.0
     program.controller.take("client 3")
-    assert program.controller.board.holder == "client 2"
+    assert program.controller.state.holder == "client 2"
     now_s = 61.0
     program.controller.take("client 3")
-    assert program.controller.board.holder == "client 3"
+    assert program.controller.state.holder == "client 3"
     assert program.said[1] == "client 1 cannot take control: client 0 has it, and used it 0 s ago."
     assert program.said[-1] == "client 3: from client 2, who did not use it"
 
@@ -215,7 +215,7 @@ def test_the_echo_of_a_lease_that_has_ended_gives_nothing_back():
     program.controller.release("client 1")
     program.controller.take("client 2")
     program.controller.show(first)
-    assert program.controller.board.holder == "client 2"
+    assert program.controller.state.holder == "client 2"
     program.controller.show(PROPOSAL)
     program.controller.decide(PROPOSAL, approve=True, operator="client 1")
     assert decided(program) == []
@@ -228,7 +228,7 @@ def test_a_press_that_comes_after_its_browser_has_left_does_nothing():
     program.controller.decide(PROPOSAL, approve=True, operator="client 0")
     program.controller.take("client 0")
     assert program.heard == []
-    assert program.controller.board.holder == ""
+    assert program.controller.state.holder == ""
 
 
 def test_whoever_presses_without_end_fills_neither_the_log_nor_the_queue():
@@ -274,7 +274,7 @@ def test_a_plan_may_be_decided_on_while_a_change_of_it_is_simulated():
     program.controller.edit(PROPOSAL, 0, *ENDS, "me")
     program.controller.decide(PROPOSAL, approve=True, operator="me")
     assert [type(request) for request in program.requests] == [EditRequest, Decision]
-    assert program.controller.board.edit is None
+    assert program.controller.state.edit is None
 
 
 def test_a_model_and_colours_are_asked_for_by_whoever_has_control_and_by_nobody_else():
@@ -326,10 +326,10 @@ def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
     assert controller.blocked_reason("me") is None
     now_s = 100.0
     controller.take("you")
-    assert controller.board.holder == "me"
+    assert controller.state.holder == "me"
     now_s = 120.0
     controller.take("you")
-    assert controller.board.holder == "you"
+    assert controller.state.holder == "you"
 
 
 def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_shown():
@@ -337,9 +337,9 @@ def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_sho
     controller = OperatorController(stop=lambda: stopped.append("stop"), post=posted.append, replay=True)
     for message in synthetic.scene():
         controller.show(message)
-    pending = controller.board.pending
+    pending = controller.state.pending
     assert pending is not None
-    assert not controller.board.decidable
+    assert not controller.state.decidable
     controller.decide(pending, approve=True, operator="client 0")
     controller.take("client 0")
     controller.stop("client 0")
@@ -347,5 +347,5 @@ def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_sho
     assert (posted, stopped) == ([], [])
     goal = synthetic.goal()
     controller.reset([goal])
-    assert (controller.board.goal, controller.board.pending, controller.board.outcomes) == (goal, None, ())
-    assert controller.board.replay
+    assert (controller.state.goal, controller.state.pending, controller.state.outcomes) == (goal, None, ())
+    assert controller.state.replay

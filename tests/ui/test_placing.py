@@ -75,9 +75,9 @@ def test_before_there_is_a_result_nothing_is_made_up() -> None:
 
 
 def test_what_the_camera_sees_is_said_and_drawn() -> None:
-    board = ConsoleState().after(placing()).after(seen())
-    assert "24 corners at 0.51 m" in cards.live(board)
-    assert "not in the image" in cards.live(board.after(seen(0, "The board is not in the image.")))
+    state = ConsoleState().after(placing()).after(seen())
+    assert "24 corners at 0.51 m" in cards.live(state)
+    assert "not in the image" in cards.live(state.after(seen(0, "The state is not in the image.")))
     image = np.zeros((480, 640, 3), np.uint8)
     painted = cards.mark(image, seen())
     assert painted.shape == (240, 320, 3)
@@ -87,9 +87,9 @@ def test_what_the_camera_sees_is_said_and_drawn() -> None:
 
 def test_no_words_from_outside_become_markup() -> None:
     hostile = "<img src=x onerror=alert(1)>"
-    board = ConsoleState().after(placing(said=hostile, camera=hostile, kept_at=hostile)).after(seen(0, hostile))
-    assert "<img" not in cards.live(board)
-    assert "<img" not in cards.result(board.placing, TODAY)
+    state = ConsoleState().after(placing(said=hostile, camera=hostile, kept_at=hostile)).after(seen(0, hostile))
+    assert "<img" not in cards.live(state)
+    assert "<img" not in cards.result(state.placing, TODAY)
 
 
 @pytest.mark.browser

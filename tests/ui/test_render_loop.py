@@ -16,10 +16,10 @@ def test_a_slow_painter_delays_nobody_and_paints_the_newest():
     table, allowed, painted = controller(), threading.Event(), list[ConsoleState]()
     newest = threading.Event()
 
-    def paint(board: ConsoleState, _: float) -> None:
+    def paint(state: ConsoleState, _: float) -> None:
         allowed.wait(10)
-        painted.append(board)
-        if board.particles is last:
+        painted.append(state)
+        if state.particles is last:
             newest.set()
 
     last = synthetic.particles(synthetic.rope(0.1))
@@ -37,7 +37,7 @@ def test_a_slow_painter_delays_nobody_and_paints_the_newest():
 def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog):
     table, strokes = controller(), threading.Semaphore(0)
 
-    def paint(board: ConsoleState, _: float) -> None:
+    def paint(state: ConsoleState, _: float) -> None:
         strokes.release()
         raise ValueError("no such colour")
 
@@ -47,9 +47,9 @@ def test_a_stroke_that_fails_is_reported_once_and_the_next_ones_are_made(caplog)
         assert strokes.acquire(timeout=10)
         table.show(synthetic.arm())
     painter.close()
-    assert [fault.text for fault in table.board.log] == ["ValueError: no such colour"]
+    assert [fault.text for fault in table.state.log] == ["ValueError: no such colour"]
     assert len(caplog.records) == 1
 
 
 def test_a_painter_that_never_began_can_be_closed():
-    RenderLoop(controller(), lambda board, now_s: None).close()
+    RenderLoop(controller(), lambda state, now_s: None).close()

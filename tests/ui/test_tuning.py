@@ -11,7 +11,7 @@ from app.ui.parts.operator_controller import OperatorController
 from app.ui.server.viser_host import ViserHost
 from app.ui.tabs.tuning import Tuning
 from tests.ui import synthetic
-from tests.ui.test_console_state import board_after
+from tests.ui.test_console_state import state_after
 
 pytestmark = pytest.mark.serial
 
@@ -33,24 +33,24 @@ def tuning(server: ViserServer) -> Tuning:
 
 
 def test_the_sliders_follow_what_is_in_use_also_through_red(tuning: Tuning):
-    assert tuning.paint(board_after()) is None
-    assert tuning.paint(board_after(synthetic.seen(LEFT, colour=RED))) is None
+    assert tuning.paint(state_after()) is None
+    assert tuning.paint(state_after(synthetic.seen(LEFT, colour=RED))) is None
     assert tuning.wanted == RED
 
 
 def test_what_is_moved_is_previewed_until_it_is_in_use(tuning: Tuning):
-    board = board_after(synthetic.seen(LEFT, colour=RED))
-    tuning.paint(board)
+    state = state_after(synthetic.seen(LEFT, colour=RED))
+    tuning.paint(state)
     tuning._hue.value = (30.0, 340.0)
-    wanted = tuning.paint(board)
+    wanted = tuning.paint(state)
     assert wanted == ColourRange(hue_low_deg=340.0, hue_high_deg=30.0, saturation_low=0.4, value_low=0.2)
-    assert tuning.paint(board.after(synthetic.seen(LEFT, colour=wanted))) is None
+    assert tuning.paint(state.after(synthetic.seen(LEFT, colour=wanted))) is None
 
 
 @pytest.mark.parametrize("said", [(), (1.0,), (0.1, 0.2, 0.3), (-5.0, 0.5), (0.5, 700.0)])
 def test_what_is_no_range_is_neither_previewed_nor_asked_for(tuning: Tuning, said: tuple[float, ...]):
-    board = board_after(synthetic.seen(LEFT, colour=RED))
-    tuning.paint(board)
+    state = state_after(synthetic.seen(LEFT, colour=RED))
+    tuning.paint(state)
     tuning._saturation.value = said
     assert tuning.wanted is None
-    assert tuning.paint(board) is None
+    assert tuning.paint(state) is None

@@ -15,7 +15,7 @@ from app.ui.server.viser_host import ViserHost
 from app.ui.view import overlays, views
 from app.ui.view.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
-from tests.ui.test_console_state import board_after
+from tests.ui.test_console_state import state_after
 
 TODAY = date(2026, 11, 23)
 ROPE = synthetic.rope(0.5)
@@ -68,24 +68,24 @@ def test_a_check_that_was_stood_makes_a_calibration_fresh_and_one_that_was_not_m
 
 def test_a_camera_s_card_has_pixels_points_distance_and_whether_its_picture_is_live():
     seen = synthetic.seen(LEFT, RIGHT)
-    board = board_after(REAL, LEFT, seen)
-    html = views.camera(board, LEFT, LEFT.time_s + 0.6, today=TODAY)
+    state = state_after(REAL, LEFT, seen)
+    html = views.camera(state, LEFT, LEFT.time_s + 0.6, today=TODAY)
     assert f"{seen.pixels['left']:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") in html
     assert "1.6 mm" in html
     assert "live" in html
     assert "preview" not in html
     assert '<span class="dp-warn">never dated</span>' in html
-    late = views.camera(board, LEFT, LEFT.time_s + 7.0, today=TODAY, previewed=0)
+    late = views.camera(state, LEFT, LEFT.time_s + 7.0, today=TODAY, previewed=0)
     assert '<span class="dp-warn">7.0 s old</span>' in late
     assert 'Pixels in preview</td><td><span class="dp-warn">0</span>' in late
     assert "Pixels of the object" not in views.camera(ConsoleState(), LEFT, LEFT.time_s, today=TODAY)
 
 
 def test_cameras_that_disagree_are_warned_of():
-    agreeing = views.summary(board_after(synthetic.particles(ROPE), synthetic.seen(LEFT, RIGHT)))
+    agreeing = views.summary(state_after(synthetic.particles(ROPE), synthetic.seen(LEFT, RIGHT)))
     assert "300" in agreeing
     assert "dp-warn" not in agreeing
-    assert "calibrate the camera" in views.summary(board_after(synthetic.seen(LEFT, RIGHT, apart_m=0.0052)))
+    assert "calibrate the camera" in views.summary(state_after(synthetic.seen(LEFT, RIGHT, apart_m=0.0052)))
     assert "dp-warn" not in views.summary(ConsoleState())
 
 
@@ -126,11 +126,11 @@ def test_a_camera_s_readings_lie_where_they_are_seen():
 
 @pytest.mark.serial
 def test_clouds_are_drawn_where_they_are_wanted_follow_the_frames_and_go(server: ViserServer):
-    clouds, board = Clouds(server), board_after(LEFT, RIGHT, synthetic.particles(ROPE))
-    clouds.paint(board)
+    clouds, state = Clouds(server), state_after(LEFT, RIGHT, synthetic.particles(ROPE))
+    clouds.paint(state)
     assert clouds.counts == {}
     clouds.cameras = "by camera"
-    clouds.paint(board)
+    clouds.paint(state)
     assert set(clouds.counts) == {"left", "right"}
     first, second = (clouds.handles[name] for name in ("left", "right"))
     assert (first.colors == palette.camera(0)).all()
@@ -138,12 +138,12 @@ def test_clouds_are_drawn_where_they_are_wanted_follow_the_frames_and_go(server:
 
     clouds.cameras, clouds.surface = "as seen", True
     blind = replace(LEFT, depth=np.zeros_like(LEFT.depth))
-    clouds.paint(board.after(blind))
+    clouds.paint(state.after(blind))
     assert clouds.counts == {"left": 0, "right": len(readings(RIGHT).points), SURFACE: 300}
     np.testing.assert_array_equal(second.colors, readings(RIGHT).colours)
 
     clouds.cameras, clouds.surface = "off", False
-    clouds.paint(board)
+    clouds.paint(state)
     assert clouds.counts == {}
 
 

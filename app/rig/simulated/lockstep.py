@@ -8,12 +8,13 @@ from typing import Final, final
 
 import numpy as np
 
+from app.arm.approvals import UsedApprovals
 from app.arm.gate import begin
 from app.config import Site
+from app.core.dialogue.approval import Approved
 from app.core.errors import MotionRefused
 from app.core.geometry.scene_description import Stage
 from app.core.messages import Executed, Frame, fresh_id
-from app.core.motion import Motion
 from app.core.rejection_codes import Refusal
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
@@ -34,7 +35,7 @@ class LockStep:
     def __init__(self, stage: Stage, start: Nodes, site: Site, seed: int) -> None:
         kind = kind_of(stage)
         home = kind.home(stage, start)
-        self._site, self._arm = site, ArmControl(site, home)
+        self._site, self._arm, self._approvals = site, ArmControl(site, home), UsedApprovals()
         self._world = kind.build(stage, start, 0.0)
         self._eyes, self._looks = SimulatedCameras(stage, (), seed), 0
         self._world.place(home)
@@ -59,13 +60,15 @@ class LockStep:
         self._looks += 1
         return self._eyes.look(self._world.snapshot(), stamp_s=self._world.time_s, number=self._looks)
 
-    def execute(self, motion: Motion) -> Executed:
-        """Execute the motion as the arm's own process would, and let the object come to rest.
+    def execute(self, approved: Approved) -> Executed:
+        """Execute the approved motion as the arm's own process would, and let the object come to rest.
 
-        Raises MotionRefused, with nothing moved, where the arm's limits do not allow it.
+        Raises MotionRefused, with nothing moved, where the approval is not genuine or was used before, and where the
+        arm's limits do not allow the motion.
         """
         period, rows = self._site.timing.arm_period_s, list[tuple[float, ToolPose, ToolPose]]()
-        begin(self._arm, motion, motion.digest(), self._site)
+        self._approvals.use(approved)
+        begin(self._arm, approved.motion, approved.digest, self._site)
         while self._arm.mode == "moving":
             self._arm.advance(period)
             self._world.step(self._arm.measured, period)
@@ -78,8 +81,9 @@ class LockStep:
         times, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
         return Executed(
             id=fresh_id("executed"),
+            cause=(approved.id,),
             time_s=float(times[-1]),
-            approved_id=fresh_id("lockstep"),
+            approved_id=approved.id,
             outcome="completed",
             reason="",
             times_s=times,

@@ -4,7 +4,7 @@ Injected effects of the world and its arm are active; recorded are the command, 
 cameras. Everything is determined by the seed.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -57,16 +57,6 @@ class PushSample:
     after: StampedSnapshot
     command: Track
     measured: Track
-
-
-def rehearse(
-    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[InjectedEffect], seed: int
-) -> Iterator[PushSample]:
-    """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
-    session = PushSession(task, plan, physics, hidden, seed)
-    for _ in range(plan.episodes * plan.pushes):
-        session.look()
-        yield session.push(session.random())
 
 
 @final

@@ -1,6 +1,5 @@
 """Requests of an operator that take a while, done beside the loop, one after the other."""
 
-from dataclasses import replace
 from typing import final
 
 from app.core.dialogue.requests import (
@@ -64,28 +63,28 @@ class Chores:
                     await self._parts.calibrating.asked(chore, self._store.state.mode)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
-        how, model = self._parts.sensing.seeing.how, self._parts.learning.models.value
-        if config := await self._parts.aiming.aimed(self._store.state.config, request, how, model):
+        how, state = self._parts.sensing.seeing.how, self._store.state
+        if config := await self._parts.aiming.aimed(state.config, request, how, state.model):
             self._parts.planning.forget()
             self._store.dispatch(Reconfiguration(config, "is for another goal"))
 
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up until then, and propose it instead."""
         parts, state = self._parts, self._store.dispatch(request)
-        seen, shown = parts.sensing.particles.value, state.pending
-        if seen is None or shown is None or shown.id != request.proposal_id:
+        seen, shown = parts.sensing.particles.value, state.shown_plan(request.proposal_id)
+        if seen is None or shown is None:
             return
-        changed = await parts.planning.changed(state.config, request, shown, seen, parts.learning.current)
-        if changed is not None and self._store.state.pending is shown:
+        changed = await parts.planning.changed(state.config, request, shown, seen, state.model_in_use)
+        if changed is not None and self._store.state.shown_plan(shown.id):
             state = self._store.dispatch(Interruption("is offered as you changed it"))
             parts.planning.offer_next(changed, state.interruptions)
 
     async def _use(self, request: ModelRequest) -> None:
         """Plan with another model, and with the goal as its cameras observe it."""
-        if used := await self._parts.learning.use(request, self._store.state.config.goal.positions):
+        state = self._store.state
+        if chosen := await self._parts.modelling.chosen_model(request, state.model_in_use, state.config.goal.positions):
             self._parts.planning.forget()
-            config = replace(self._store.state.config, shown_goal=used[1])
-            self._store.dispatch(Reconfiguration(config, "is of another model"))
+            self._store.dispatch(chosen)
 
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; a motion that is being made belongs to what there is, once it was seen."""
@@ -98,5 +97,5 @@ class Chores:
         """Messages at the beginning of a recording that make it complete by itself."""
         parts, goal = self._parts, self._store.state.config.goal
         frames = [channel.value for channel in parts.sensing.frames.values()]
-        known = (goal, self._store.mode, parts.learning.models.value, *frames, parts.sensing.particles.value)
+        known = (goal, self._store.mode, self._store.state.model, *frames, parts.sensing.particles.value)
         return [message for message in known if message is not None]

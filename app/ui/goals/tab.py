@@ -66,16 +66,16 @@ class GoalTab:
         self._gizmo.on_update(self._on_drag)
         self._line: viser.LineSegmentsHandle | None = None
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Draw the draft, and show the object's distance from the goal, and from the draft."""
-        draft, last, self._last = self._draft, self._last, board
-        if board.frames.keys() != last.frames.keys():
-            self._files.content = files(sorted(board.frames))
-        same = draft is self._drawn and board.particles is last.particles and board.goal is last.goal
-        if same or board.particles is None:
+        draft, last, self._last = self._draft, self._last, state
+        if state.frames.keys() != last.frames.keys():
+            self._files.content = files(sorted(state.frames))
+        same = draft is self._drawn and state.particles is last.particles and state.goal is last.goal
+        if same or state.particles is None:
             return
         if draft.kind != self._drawn.kind:
-            self._begin(draft, board.particles.positions)
+            self._begin(draft, state.particles.positions)
         self._drawn = draft
         goal = draft.positions(self._object) if self._object is not None else None
         if goal is None:
@@ -83,7 +83,7 @@ class GoalTab:
         else:
             self._beads.put(goal)
         self._draw_line(draft)
-        self._said.content = card(board, goal)
+        self._said.content = card(state, goal)
         self._use.visible = goal is not None
 
     def _begin(self, draft: GoalDraft, object_: Points) -> None:
@@ -102,7 +102,7 @@ class GoalTab:
             self._server.scene.on_click()(self._on_click)
 
     def _choose(self, kind: Kind) -> None:
-        seen = self._controller.board.particles
+        seen = self._controller.state.particles
         middle = seen.positions[:, :2].mean(0) if seen is not None else np.zeros(2)
         begun = GoalDraft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value))
         self._bend.value = 0.0
@@ -142,7 +142,7 @@ class GoalTab:
             )
 
     def _use_view(self, event: viser.GuiEvent[Any]) -> None:
-        seen = self._controller.board.particles
+        seen = self._controller.state.particles
         if seen is not None:
             self._ask(event, "view", seen.positions)
 
@@ -154,7 +154,7 @@ class GoalTab:
         draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
         if goal is not None:
-            if self._controller.board.open_to(operator(event)):
+            if self._controller.state.open_to(operator(event)):
                 self._kind.value = _NOTHING
             self._ask(event, _SOURCES[draft.kind], goal)
 
@@ -165,12 +165,12 @@ class GoalTab:
         )
 
 
-def card(board: ConsoleState, draft: Points | None) -> str:
+def card(state: ConsoleState, draft: Points | None) -> str:
     """Card of the object's distance from its goal, and from the drawn one."""
-    if board.particles is None or board.goal is None:
+    if state.particles is None or state.goal is None:
         return '<div class="dp"><small>No goal, or nothing seen yet.</small></div>'
-    x = board.particles.positions
-    now = float(chamfer_m2(x, board.goal.positions))
+    x = state.particles.positions
+    now = float(chamfer_m2(x, state.goal.positions))
     said = f'<div class="dp-big"><b>{words.distance(now)}</b><i>from the goal</i><em>{words.square(now)}</em></div>'
     if draft is not None:
         drawn = float(chamfer_m2(x, draft))

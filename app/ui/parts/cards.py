@@ -1,4 +1,4 @@
-"""The texts of the panel as HTML: board in, string out. Pure. All external text is escaped."""
+"""The texts of the panel as HTML: state in, string out. Pure. All external text is escaped."""
 
 import math
 from collections.abc import Iterable
@@ -22,66 +22,66 @@ _ARM_PERIOD_LATE_S = 0.030
 _DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
 
 
-def mode(board: ConsoleState, now_s: float) -> str:
+def mode(state: ConsoleState, now_s: float) -> str:
     """Card of the program's current activity, in words, and of the action that it needs from the operator."""
-    said, detail, tone = _mode(board, now_s)
-    now, named = board.mode_now or "", escape(mode_name(board))
+    said, detail, tone = _mode(state, now_s)
+    now, named = state.mode_now or "", escape(mode_name(state))
     return (
         f'<div class="dp-mode {tone}" role="status" data-mode="{now}" data-said="{named}"><i>{named}</i>'
         f"<b>{escape(said)}</b><span>{escape(detail)}</span></div>"
     )
 
 
-def _mode(board: ConsoleState, now_s: float) -> tuple[str, str, Tone]:
-    if board.replay:
-        return _replay_activity(board)
-    health = board.health
+def _mode(state: ConsoleState, now_s: float) -> tuple[str, str, Tone]:
+    if state.replay:
+        return _replay_activity(state)
+    health = state.health
     doing = words.sentence(health.doing) if health else "Starting"
-    if board.fatal is not None:
-        return "Fault: the program has ended", board.fatal.text, "bad"
-    if board.arm_mode == "fault":
-        return "Fault at the arm", (board.arm.reason if board.arm else "") or "Resume lifts it.", "bad"
-    if board.stopped:
-        why = f"{board.arm.reason} " if board.arm and board.arm.reason else ""
+    if state.fatal is not None:
+        return "Fault: the program has ended", state.fatal.text, "bad"
+    if state.arm_mode == "fault":
+        return "Fault at the arm", (state.arm.reason if state.arm else "") or "Resume lifts it.", "bad"
+    if state.stopped:
+        why = f"{state.arm.reason} " if state.arm and state.arm.reason else ""
         return "Stopped", f"{why}The arm holds still. Clear the workspace, then press Resume.", "bad"
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
-    if not board.cleared:
+    if not state.cleared:
         return "The checklist comes first", "Nothing moves before it is complete: it is below.", "ask"
-    if board.mode_now == "plan only" and board.pending is not None:
+    if state.mode_now == "plan only" and state.pending is not None:
         return "A plan to look at", "Nothing moves in this mode.", ""
-    if board.pending is not None and board.decidable:
-        return "Waiting for your approval", _to_decide(board.pending), "ask"
-    if health is None and not board.frames:
+    if state.pending is not None and state.decidable:
+        return "Waiting for your approval", _to_decide(state.pending), "ask"
+    if health is None and not state.frames:
         return "Waiting for the cameras", "Nothing has come in yet.", ""
-    if board.arm_mode == "moving":
+    if state.arm_mode == "moving":
         return doing, "The arm moves.", "go"
-    if board.mode is not None and board.mode.mode == "idle" and board.mode.why:
-        return doing, f"{words.sentence(board.mode.why)}.", ""
-    return doing, _latest_notice(board), ""
+    if state.mode is not None and state.mode.mode == "idle" and state.mode.why:
+        return doing, f"{words.sentence(state.mode.why)}.", ""
+    return doing, _latest_notice(state), ""
 
 
-def mode_name(board: ConsoleState) -> str:
+def mode_name(state: ConsoleState) -> str:
     """Mode of operation, in two words."""
-    if board.mode_now == "fault":
+    if state.mode_now == "fault":
         return "Fault"
-    if board.mode is None:
+    if state.mode is None:
         return ""
-    name = words.MODES[board.mode.mode]
-    return f"{name}: {words.motions(board.mode.motions)} more" if board.mode.mode == "automatic" else name
+    name = words.MODES[state.mode.mode]
+    return f"{name}: {words.motions(state.mode.motions)} more" if state.mode.mode == "automatic" else name
 
 
-def _replay_activity(board: ConsoleState) -> tuple[str, str, Tone]:
+def _replay_activity(state: ConsoleState) -> tuple[str, str, Tone]:
     """Activity of the program at that time, which needs no action now."""
-    doing = words.sentence(board.health.doing) if board.health else "Recorded without a word on what was being done"
-    if board.fatal is not None:
-        return "Fault: the program had ended", board.fatal.text, "bad"
-    if board.stopped:
-        return "Stopped", (board.arm.reason if board.arm else "") or doing, "bad"
-    if board.arm_mode == "moving":
+    doing = words.sentence(state.health.doing) if state.health else "Recorded without a word on what was being done"
+    if state.fatal is not None:
+        return "Fault: the program had ended", state.fatal.text, "bad"
+    if state.stopped:
+        return "Stopped", (state.arm.reason if state.arm else "") or doing, "bad"
+    if state.arm_mode == "moving":
         return doing, "The arm was moving.", "go"
-    said = board.log[-1].text if board.log else ""
-    return doing, "A plan was up for approval." if board.pending else said, ""
+    said = state.log[-1].text if state.log else ""
+    return doing, "A plan was up for approval." if state.pending else said, ""
 
 
 def _to_decide(pending: Proposal) -> str:
@@ -90,8 +90,8 @@ def _to_decide(pending: Proposal) -> str:
     return "Look at the plan, then approve or reject it."
 
 
-def _latest_notice(board: ConsoleState) -> str:
-    return board.log[-1].text if board.log else "Nothing to decide."
+def _latest_notice(state: ConsoleState) -> str:
+    return state.log[-1].text if state.log else "Nothing to decide."
 
 
 def you(name: str, key: str = "") -> str:
@@ -100,41 +100,41 @@ def you(name: str, key: str = "") -> str:
     return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 
-def control(board: ConsoleState) -> str:
+def control(state: ConsoleState) -> str:
     """Card of the operator in control; anybody may stop."""
-    if board.replay:
+    if state.replay:
         return "<div class='dp'><small>Nothing can move, and nobody needs control.</small></div>"
-    if board.holder:
-        said = f"<b>{escape(board.holder)}</b> has control; all others watch."
+    if state.holder:
+        said = f"<b>{escape(state.holder)}</b> has control; all others watch."
     else:
         said = "Nobody has control; deciding takes it."
     return f"<div class='dp'><small>{said} STOP is everybody's.</small></div>"
 
 
-def plan(board: ConsoleState, now_s: float, moved: Moved | None = None) -> str:
+def plan(state: ConsoleState, now_s: float, moved: Moved | None = None) -> str:
     """Card of the plan that is shown; `moved`: motion of the object since."""
-    proposal = board.shown
+    proposal = state.shown
     if proposal is None:
         return '<div class="dp"><small>No plan yet.</small></div>'
-    undecided = "not decided on" if board.replay else "waiting for a decision"
-    state = undecided if board.pending is proposal else "decided"
+    undecided = "not decided on" if state.replay else "waiting for a decision"
+    status = undecided if state.pending is proposal else "decided"
     change = words.change(words.millimetres(proposal.chamfer_m2), words.millimetres(proposal.predicted_chamfer_m2))
     tone = "dp-good" if proposal.predicted_chamfer_m2 < proposal.chamfer_m2 else "dp-warn"
     big = (
         f'<div class="dp-big"><b>{words.distance(proposal.chamfer_m2)}</b><i>→</i>'
         f"<b>{words.distance(proposal.predicted_chamfer_m2)}</b><em class='{tone}'>{change}</em></div>"
     )
-    return f'<div class="dp">{_said_of(board)}{big}{table(_plan_rows(proposal, state, now_s, moved))}</div>'
+    return f'<div class="dp">{_said_of(state)}{big}{table(_plan_rows(proposal, status, now_s, moved))}</div>'
 
 
-def _said_of(board: ConsoleState) -> str:
+def _said_of(state: ConsoleState) -> str:
     """Status of the plan or of its edit, in words."""
-    if board.edit is not None:
+    if state.edit is not None:
         return '<p class="dp-refusal">The motion as you changed it is being simulated.</p>'
-    return f'<p class="dp-refusal dp-warn">{escape(board.refusal.text)}</p>' if board.refusal else ""
+    return f'<p class="dp-refusal dp-warn">{escape(state.refusal.text)}</p>' if state.refusal else ""
 
 
-def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None) -> Iterable[tuple[str, str]]:
+def _plan_rows(proposal: Proposal, status: str, now_s: float, moved: Moved | None) -> Iterable[tuple[str, str]]:
     best = proposal.chosen
     squares = f"{words.square(proposal.chamfer_m2)} → {words.square(proposal.predicted_chamfer_m2)}"
     cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
@@ -143,7 +143,7 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
         yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
         yield f"· {escape(name)}", words.number(value)
-    yield "State", state
+    yield "State", status
     yield "Chosen", words.origin(proposal)
     if proposal.dropped:
         yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
@@ -157,13 +157,13 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
     yield "Motion", f"<small title='{proposal.motion.digest()}'>{proposal.motion.digest()[:12]}</small>"
 
 
-def health(board: ConsoleState, now_s: float) -> str:
+def health(state: ConsoleState, now_s: float) -> str:
     """The health strip: ages, times, losses and drops, each coloured by its state."""
-    seen = board.health
+    seen = state.health
     if seen is None:
         return '<div class="dp"><small>No report yet.</small></div>'
     silent_s = max(now_s - seen.time_s, 0.0)
-    return f'<div class="dp">{table(_health_rows(seen, board.model, silent_s))}</div>'
+    return f'<div class="dp">{table(_health_rows(seen, state.model, silent_s))}</div>'
 
 
 def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable[tuple[str, str]]:
@@ -205,22 +205,22 @@ def _parameter(parameter: Parameter) -> str:
     return f"{words.number(parameter.value)} <small>{interval if estimated else ''}{unit}</small>"
 
 
-def log(board: ConsoleState, now_s: float) -> str:
+def log(state: ConsoleState, now_s: float) -> str:
     """The last notices and faults, the newest first."""
-    if not board.log:
+    if not state.log:
         return '<div class="dp"><small>No messages.</small></div>'
     lines = "".join(
         f"<p><time>{words.duration(max(now_s - entry.time_s, 0.0))}</time>"
         f"<span class='{'dp-bad' if isinstance(entry, Fault) else ''}'><b>{escape(entry.where)}</b> "
         f"{escape(entry.text)}</span></p>"
-        for entry in reversed(board.log)
+        for entry in reversed(state.log)
     )
     return f'<div class="dp dp-log">{lines}</div>'
 
 
-def episode(board: ConsoleState) -> str:
+def episode(state: ConsoleState) -> str:
     """Card of the episode: task, rig, seed and code version."""
-    seen = board.episode
+    seen = state.episode
     if seen is None:
         return '<div class="dp"><small>No episode yet.</small></div>'
     rows = (
@@ -228,7 +228,7 @@ def episode(board: ConsoleState) -> str:
         ("Rig", escape(seen.rig)),
         ("Seed", str(seen.seed)),
         ("Code", escape(seen.code_version)),
-        ("Pushes", str(len(board.outcomes))),
+        ("Pushes", str(len(state.outcomes))),
     )
     return f'<div class="dp">{table(rows)}</div>'
 

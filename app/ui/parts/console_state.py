@@ -168,7 +168,7 @@ class ConsoleState:
         return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "ConsoleState":
-        """The board after `message`."""
+        """The state after `message`."""
         match message:
             case Frame():
                 return replace(self, frames={**self.frames, message.camera.name: message})
@@ -232,11 +232,11 @@ class ConsoleState:
                 return self
 
     def _showing(self, proposal: Proposal) -> "ConsoleState":
-        """The board with that proposal open to decision."""
+        """The state with that proposal open to decision."""
         return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
 
     def _with_result(self, message: Transition) -> "ConsoleState":
-        """The board with the result of the last motion. A jogged one has no prediction: it was not approved."""
+        """The state with the result of the last motion. A jogged one has no prediction: it was not approved."""
         expected = self.shown.chosen.predicted if self.shown and message.executed.cause else None
         if expected is None:
             return replace(self, expected=None, made=None)
@@ -244,24 +244,24 @@ class ConsoleState:
         return replace(self, expected=expected, made=made)
 
     def _looking(self, message: Seen) -> "ConsoleState":
-        """The board with a new segmentation, and its colours where they differ from the last ones."""
+        """The state with a new segmentation, and its colours where they differ from the last ones."""
         colour = ColourRange.of(message.hue_deg, message.saturation, message.value)
         new = (colour,) if self.colours[-1:] != (colour,) else ()
         return replace(self, seen=message, colours=(*self.colours, *new)[-_COLOURS_LENGTH:])
 
     def _without(self, proposal_id: MessageId) -> "ConsoleState":
-        """The board with that proposal closed to decision."""
+        """The state with that proposal closed to decision."""
         decided = (*self.decided, proposal_id)[-_DECIDED_LENGTH:]
         if self.pending is None or self.pending.id != proposal_id:
             return replace(self, decided=decided)
         return replace(self, decided=decided, pending=None, edit=None)
 
     def _with_log_entry(self, message: Notice | Fault) -> "ConsoleState":
-        """The board with the message in the log; one that names the pending proposal as its cause withdraws it."""
+        """The state with the message in the log; one that names the pending proposal as its cause withdraws it."""
         edit = None if message.where == EDITED else self.edit
-        board = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)
+        state = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)
         if isinstance(message, Notice) and self.shown is not None and self.shown.id in message.cause:
-            board = replace(board, refusal=message)
-        if board.pending is not None and board.pending.id in message.cause:
-            board = board._without(board.pending.id)
-        return replace(board, fatal=message) if isinstance(message, Fault) and message.fatal else board
+            state = replace(state, refusal=message)
+        if state.pending is not None and state.pending.id in message.cause:
+            state = state._without(state.pending.id)
+        return replace(state, fatal=message) if isinstance(message, Fault) and message.fatal else state

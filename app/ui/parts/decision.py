@@ -28,21 +28,21 @@ class DecisionForm:
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume.on_click(lambda event: controller.resume(operator(event)))
         self._control = ControlForm(gui, controller)
-        self._place = gui.add_folder(None, visible=not controller.board.replay)
+        self._place = gui.add_folder(None, visible=not controller.state.replay)
         self._shown_s = 0.0
         self._build(None)
 
-    def paint(self, board: ConsoleState, now_s: float) -> None:
+    def paint(self, state: ConsoleState, now_s: float) -> None:
         """Update the buttons to the decisions that are possible now."""
-        if self._resume.visible != (resumable := board.stopped and not board.replay):
+        if self._resume.visible != (resumable := state.stopped and not state.replay):
             self._resume.visible = resumable
-        self._control.paint(board)
-        if board.pending is not self._proposal:
+        self._control.paint(state)
+        if state.pending is not self._proposal:
             for widget in (self._mark, self._approve, self._form):
                 widget.remove()
             self._shown_s = now_s
-            self._build(board.pending)
-        disabled = not board.decidable or now_s < self._shown_s + _ARMING_S
+            self._build(state.pending)
+        disabled = not state.decidable or now_s < self._shown_s + _ARMING_S
         for widget in (self._approve, self._reject, self._reason):
             if widget.disabled != disabled:
                 widget.disabled = disabled
@@ -78,8 +78,8 @@ class ControlForm:
     """The operator in control, and the buttons to take and release it. They never move the buttons below them."""
 
     def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
-        self._held = gui.add_html(cards.control(controller.board))
-        buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not controller.board.replay)
+        self._held = gui.add_html(cards.control(controller.state))
+        buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not controller.state.replay)
 
         def pressed(event: viser.GuiEvent[Any]) -> None:
             act = controller.take if event.target.value == _TAKE else controller.release
@@ -87,9 +87,9 @@ class ControlForm:
 
         buttons.on_click(pressed)
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Show the operator in control."""
-        content = cards.control(board)
+        content = cards.control(state)
         if content != self._held.content:
             self._held.content = content
 

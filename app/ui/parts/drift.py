@@ -34,9 +34,9 @@ class DriftMeter:
         self._pair: tuple[Proposal | None, Particles | None] = (None, None)
         self._drift_m = math.nan
 
-    def since(self, board: ConsoleState) -> Moved:
-        """Motion of the board's object since its pending plan was made."""
-        pair = board.pending, board.particles
+    def since(self, state: ConsoleState) -> Moved:
+        """Motion of the object since its pending plan was made."""
+        pair = state.pending, state.particles
         if pair[0] is not self._pair[0] or pair[1] is not self._pair[1]:
             self._pair = pair
             plan, seen = pair

@@ -33,7 +33,7 @@ _IDLE_S = 60.0
 
 @final
 class OperatorController:
-    """The board behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
+    """The state behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
 
     `stop` stops the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
     controller of a `replay` nobody commands, and there is nothing to stop.
@@ -51,7 +51,7 @@ class OperatorController:
         self._post = post
         self.now = now
         self._lock = threading.Lock()
-        self._board = ConsoleState(replay=replay)
+        self._state = ConsoleState(replay=replay)
         self.changed = threading.Event()
         self._turned_away: dict[str, int] = {}
         self._told_s = self._used_s = -math.inf
@@ -60,20 +60,20 @@ class OperatorController:
         self._words = RateLimiter(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
 
     @property
-    def board(self) -> ConsoleState:
+    def state(self) -> ConsoleState:
         """The present state of the console."""
-        return self._board
+        return self._state
 
     def show(self, message: Message) -> None:
-        """Fold a message into the board."""
+        """Fold a message into the state."""
         with self._lock:
-            self._board = self._board.after(message)
+            self._state = self._state.after(message)
         self.changed.set()
 
     def reset(self, messages: Iterable[Message]) -> None:
-        """Replace the board by a fold over these messages."""
+        """Replace the state by a fold over these messages."""
         with self._lock:
-            self._board = reduce(ConsoleState.after, messages, ConsoleState(replay=self._board.replay))
+            self._state = reduce(ConsoleState.after, messages, ConsoleState(replay=self._state.replay))
         self.changed.set()
 
     def stop(self, operator: str) -> None:
@@ -81,11 +81,11 @@ class OperatorController:
 
         A held key presses STOP many times: each one reaches the arm, the first one the recording.
         """
-        if self._board.replay:
+        if self._state.replay:
             return
         self._stop()
         with self._lock:
-            repeated = self._board.stop_s > self._board.resume_s
+            repeated = self._state.stop_s > self._state.resume_s
             if not repeated:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
 
@@ -100,7 +100,7 @@ class OperatorController:
     def resume(self, operator: str) -> None:
         """Request to go on; ignored where nothing is stopped."""
         with self._lock:
-            if self._board.stopped and self._may(operator):
+            if self._state.stopped and self._may(operator):
                 self._issue(ResumeRequest(id=fresh_id("resume"), time_s=self.now(), operator=operator))
 
     def decide(self, proposal: Proposal, *, approve: bool, operator: str, reason: str = "") -> None:
@@ -116,8 +116,8 @@ class OperatorController:
             reason=reason,
         )
         with self._lock:
-            pending = self._board.pending
-            if self._board.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
+            pending = self._state.pending
+            if self._state.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
                 self._issue(decision)
 
     def edit(self, proposal: Proposal, branch: int, start: Place, end: Place, operator: str) -> None:
@@ -136,9 +136,9 @@ class OperatorController:
             branch=branch,
         )
         with self._lock:
-            pending = self._board.pending
-            up = self._board.decidable and pending is not None and pending.id == proposal.id
-            if up and self._board.edit is None and self._may(operator):
+            pending = self._state.pending
+            up = self._state.decidable and pending is not None and pending.id == proposal.id
+            if up and self._state.edit is None and self._may(operator):
                 self._issue(request)
 
     def use_model(self, model: Model, source: str, *, operator: str) -> None:
@@ -174,7 +174,7 @@ class OperatorController:
     def take(self, operator: str) -> None:
         """Take control, where no other operator uses it."""
         with self._lock:
-            holder = self._board.holder
+            holder = self._state.holder
             if holder == operator or not self._in_pace(operator):
                 return
             idle_s = self.now() - self._used_s
@@ -187,7 +187,7 @@ class OperatorController:
     def release(self, operator: str) -> None:
         """Release control."""
         with self._lock:
-            if self._board.holder == operator and self._in_pace(operator):
+            if self._state.holder == operator and self._in_pace(operator):
                 self._lend("", f"{operator} gave it back")
 
     def left(self, operator: str) -> None:
@@ -195,7 +195,7 @@ class OperatorController:
         with self._lock:
             self._gone.add(operator)
             self._paces.pop(operator, None)
-            if self._board.holder == operator and not self._board.replay:
+            if self._state.holder == operator and not self._state.replay:
                 self._lend("", f"{operator} has left")
 
     def tell(self, text: str) -> None:
@@ -206,7 +206,7 @@ class OperatorController:
     def blocked_reason(self, operator: str) -> str | None:
         """Reason why `operator` may not jog now, in words; None where allowed, which counts as use of control."""
         with self._lock:
-            why = _blocked_reason(self._board, operator) if operator not in self._gone else f"{operator} has left"
+            why = _blocked_reason(self._state, operator) if operator not in self._gone else f"{operator} has left"
             if why is None:
                 self._used_s = self.now()
             return why
@@ -215,17 +215,17 @@ class OperatorController:
         """True where `operator` may command now. Where nobody has control, the first to command takes it."""
         if not self._in_pace(operator):
             return False
-        if not self._board.open_to(operator):
-            self._tell(f"{operator} has no control; {self._board.holder} has. Take it first.")
+        if not self._state.open_to(operator):
+            self._tell(f"{operator} has no control; {self._state.holder} has. Take it first.")
             return False
-        if not self._board.holder:
+        if not self._state.holder:
             self._lend(operator, "nobody had it")
         self._used_s = self.now()
         return True
 
     def _in_pace(self, operator: str) -> bool:
         """True where `operator` is connected, not in a replay, and within the rate limit."""
-        if operator in self._gone or self._board.replay:
+        if operator in self._gone or self._state.replay:
             return False
         now_s = self.now()
         pace = self._paces.setdefault(operator, RateLimiter(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
@@ -258,24 +258,24 @@ class OperatorController:
             self._notice("door", f"Somebody was refused. {told}.")
 
     def _issue(self, request: Request) -> None:
-        self._board = self._board.after(request)
+        self._state = self._state.after(request)
         self._post(request)
         self.changed.set()
 
 
-def _blocked_reason(board: ConsoleState, operator: str) -> str | None:
-    """Reason against jogging on this board. Control is not taken implicitly: a stuck stick must command nothing."""
-    if board.fatal is not None:
+def _blocked_reason(state: ConsoleState, operator: str) -> str | None:
+    """Reason against jogging on this state. Control is not taken implicitly: a stuck stick must command nothing."""
+    if state.fatal is not None:
         return "the program has ended"
-    if board.stopped:
+    if state.stopped:
         return "a stop is in force: press Resume"
-    if not board.cleared_by_hand:
+    if not state.cleared_by_hand:
         return "complete the checklist first"
-    if not board.holder:
+    if not state.holder:
         return "nobody has control: press Take first"
-    if board.holder != operator:
-        return f"{board.holder} has control"
-    return None if board.teleoperated else "choose the mode By hand first"
+    if state.holder != operator:
+        return f"{state.holder} has control"
+    return None if state.teleoperated else "choose the mode By hand first"
 
 
 def _times(count: int) -> str:

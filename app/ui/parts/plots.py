@@ -36,21 +36,21 @@ class Plots:
         )
         self._last = ConsoleState()
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Redraw plots with new data."""
-        last, self._last = self._last, board
-        if board.outcomes is not last.outcomes:
-            if board.outcomes:
-                self._distance.data = distances(board)
-            self._distance.visible = bool(board.outcomes)
-            self._empty.visible = not board.outcomes
+        last, self._last = self._last, state
+        if state.outcomes is not last.outcomes:
+            if state.outcomes:
+                self._distance.data = distances(state)
+            self._distance.visible = bool(state.outcomes)
+            self._empty.visible = not state.outcomes
 
 
-def distances(board: ConsoleState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def distances(state: ConsoleState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Push number, observed and predicted distance [mm], each (n + 1,), the start before the first push."""
-    start = board.outcomes[0].chamfer_before_m2
-    seen = [start, *(outcome.chamfer_after_m2 for outcome in board.outcomes)]
-    predicted = [start, *(outcome.predicted_chamfer_m2 for outcome in board.outcomes)]
+    start = state.outcomes[0].chamfer_before_m2
+    seen = [start, *(outcome.chamfer_after_m2 for outcome in state.outcomes)]
+    predicted = [start, *(outcome.predicted_chamfer_m2 for outcome in state.outcomes)]
     return (
         np.arange(len(seen), dtype=float),
         np.array([millimetres(value) for value in seen]),

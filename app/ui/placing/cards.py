@@ -25,15 +25,15 @@ _PLOT_PX, _PLOT_DEG = 150, 40.0
 """Side of the plot [pixel], and tilt at its border [degree]."""
 
 
-def live(board: ConsoleState) -> str:
+def live(state: ConsoleState) -> str:
     """Card of the board in the camera's view now, and of the next step."""
-    placing = board.placing
+    placing = state.placing
     if placing is None or not placing.under_way:
         return (
             '<div class="dp"><small>Fix the printed board in the gripper, choose the camera, give the sizes as '
             "measured, and begin. Views are taken in the modes Idle and By hand.</small></div>"
         )
-    seen = _board_text(board.board_seen, placing.camera)
+    seen = _board_text(state.board_seen, placing.camera)
     return f'<div class="dp">{seen}<p role="status">{escape(placing.said)}</p></div>'
 
 

@@ -50,31 +50,31 @@ class PlacingTab:
         self._result = Text(gui, "")
         self._next = server.scene.add_frame("/calibration/next", axes_length=_AXES_M, axes_radius=0.002, visible=False)
 
-    def paint(self, board: ConsoleState) -> None:
-        """Update the tab to the board."""
-        last, self._last = self._last, board
-        if board.frames.keys() != last.frames.keys() and board.frames:
-            self._camera.options = _names(sorted(board.frames))
+    def paint(self, state: ConsoleState) -> None:
+        """Update the tab to the state."""
+        last, self._last = self._last, state
+        if state.frames.keys() != last.frames.keys() and state.frames:
+            self._camera.options = _names(sorted(state.frames))
             self._camera.value = self._camera.options[0]
-        self._live.put(cards.live(board))
-        if board.placing is not last.placing:
-            self._result.put(cards.result(board.placing, datetime.now(UTC).date()))
-            self._show_next(board)
-        under_way = board.placing is not None and board.placing.under_way
+        self._live.put(cards.live(state))
+        if state.placing is not last.placing:
+            self._result.put(cards.result(state.placing, datetime.now(UTC).date()))
+            self._show_next(state)
+        under_way = state.placing is not None and state.placing.under_way
         for widget in (self._views, self._ends, self._image):
             if widget.visible != under_way:
                 widget.visible = under_way
-        if under_way and board.board_seen is not last.board_seen:
-            self._draw(board)
+        if under_way and state.board_seen is not last.board_seen:
+            self._draw(state)
 
-    def _draw(self, board: ConsoleState) -> None:
-        seen = board.board_seen
-        frame = board.frames.get(seen.camera) if seen is not None else None
+    def _draw(self, state: ConsoleState) -> None:
+        seen = state.board_seen
+        frame = state.frames.get(seen.camera) if seen is not None else None
         if frame is not None:
             self._image.image = cards.mark(frame.color, seen)
 
-    def _show_next(self, board: ConsoleState) -> None:
-        placing = board.placing
+    def _show_next(self, state: ConsoleState) -> None:
+        placing = state.placing
         shown = placing is not None and placing.under_way and len(placing.next_pose) > 0
         self._next.visible = shown
         if placing is not None and shown:

@@ -60,9 +60,9 @@ class EditForm:
         """True while there are handles."""
         return self._draft is not None
 
-    def paint(self, board: ConsoleState, look: PreviewState | None) -> None:
+    def paint(self, state: ConsoleState, look: PreviewState | None) -> None:
         """Show handles while the switch is on and the plan may still be decided on, and the path between them."""
-        editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
+        editable = look is not None and state.decidable and state.pending is look.proposal and _is_push(look)
         if self._switch.disabled == editable:
             self._switch.disabled = not editable
         draft = self._draft
@@ -74,7 +74,7 @@ class EditForm:
             self._put_away(draft)
         if wanted and self._draft is None:
             self._draft = self._begin_edit(wanted)
-        disabled = self._draft is None or board.edit is not None
+        disabled = self._draft is None or state.edit is not None
         if self._simulate.disabled != disabled:
             self._simulate.disabled = disabled
         self._draw()

@@ -36,19 +36,19 @@ class Plans:
         for widget in (self._at, self._beside, self._moment):
             widget.on_update(lambda _: controller.changed.set())
 
-    def paint(self, board: ConsoleState) -> None:
-        """Update the tab to the board and the widgets."""
-        if board.shown is not self._shown:
-            self._shown = board.shown
-            self._offer(board.shown)
-            self._ghosts.become(Flat.of(board.episode.task) if board.episode else None)
-        proposal = board.shown
+    def paint(self, state: ConsoleState) -> None:
+        """Update the tab to the state and the widgets."""
+        if state.shown is not self._shown:
+            self._shown = state.shown
+            self._offer(state.shown)
+            self._ghosts.become(Flat.of(state.episode.task) if state.episode else None)
+        proposal = state.shown
         look = selected_preview(proposal, self._at.value, self._beside.value, self._moment.value) if proposal else None
-        state = (proposal, board.goal, look and (look.at, look.beside, look.share))
-        if state != self._drawn:
-            self._drawn = state
-            self._draw(look, board.goal.positions if board.goal else None)
-        self._edit.paint(board, look)
+        inputs = (proposal, state.goal, look and (look.at, look.beside, look.share))
+        if inputs != self._drawn:
+            self._drawn = inputs
+            self._draw(look, state.goal.positions if state.goal else None)
+        self._edit.paint(state, look)
         self._scene.playing = not (self._edit.editing or (look is not None and look.share > 0))
 
     def _offer(self, proposal: Proposal | None) -> None:

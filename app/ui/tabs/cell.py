@@ -35,7 +35,7 @@ class CellTab:
         gui = server.gui
         self._gui, self._scene, self._clouds = gui, scene, Clouds(server)
         self._views: dict[str, CameraPicture] = {}
-        self._summary = Text(gui, views.summary(controller.board))
+        self._summary = Text(gui, views.summary(controller.state))
         self._masked = gui.add_checkbox("Mask", initial_value=True, hint="Tint what is taken for the object")
         self._place = gui.add_folder(None)
         self._larger = gui.add_dropdown("Larger", _or_none(()))
@@ -48,18 +48,18 @@ class CellTab:
         cameras.on_update(lambda event: self._show(event.target.value))
         surface.on_update(lambda event: setattr(self._clouds, "surface", event.target.value))
         with gui.add_folder("Messages"):
-            self._log = Text(gui, cards.log(controller.board, 0.0))
+            self._log = Text(gui, cards.log(controller.state, 0.0))
 
-    def paint(self, board: ConsoleState, now_s: float) -> None:
-        """Bring the tab up to the board and the clock."""
-        wanted, today = self._tuning.paint(board), datetime.now(UTC).date()
-        self._summary.put(views.summary(board))
-        for name, frame in board.frames.items():
-            self._view(name, frame).paint(board, frame, wanted, now_s, masked=self._masked.value, today=today)
+    def paint(self, state: ConsoleState, now_s: float) -> None:
+        """Bring the tab up to the state and the clock."""
+        wanted, today = self._tuning.paint(state), datetime.now(UTC).date()
+        self._summary.put(views.summary(state))
+        for name, frame in state.frames.items():
+            self._view(name, frame).paint(state, frame, wanted, now_s, masked=self._masked.value, today=today)
         self._large.paint(self._views.get(self._larger.value))
-        self._clouds.paint(board)
+        self._clouds.paint(state)
         self._counts.put(views.clouds(self._clouds.counts))
-        self._log.put(cards.log(board, now_s))
+        self._log.put(cards.log(state, now_s))
 
     def _show(self, chosen: Show) -> None:
         if chosen in SHOWN:
@@ -112,28 +112,28 @@ class CameraPicture:
         self._previewed: int | None = None
 
     def paint(
-        self, board: ConsoleState, frame: Frame, wanted: ColourRange | None, now_s: float, *, masked: bool, today: date
+        self, state: ConsoleState, frame: Frame, wanted: ColourRange | None, now_s: float, *, masked: bool, today: date
     ) -> None:
         """Show the newest picture, with the mask in use or that of the colours `wanted`."""
         if frame is not self._shown:
             self._shown = frame
             self._scene.look(frame, overlays.thin_out(frame.color))
-        mask_of = board.seen if masked and wanted is None else None
+        mask_of = state.seen if masked and wanted is None else None
         live = mask_of is not None and now_s - mask_of.time_s < _LIVE_S
         # Every mask comes with its own picture: drawing the two apart would show each picture twice.
         drawn = (mask_of if live else frame, wanted, masked)
         if drawn != self._drawn:
             self._drawn = drawn
-            self._draw(board, frame, wanted, masked=masked)
-        self._text.put(views.camera(board, frame, now_s, today=today, previewed=self._previewed))
+            self._draw(state, frame, wanted, masked=masked)
+        self._text.put(views.camera(state, frame, now_s, today=today, previewed=self._previewed))
 
-    def _draw(self, board: ConsoleState, frame: Frame, wanted: ColourRange | None, *, masked: bool) -> None:
+    def _draw(self, state: ConsoleState, frame: Frame, wanted: ColourRange | None, *, masked: bool) -> None:
         mask, ink, self._previewed = None, palette.MASK, None
         if wanted is not None:
             mask, ink = colour_mask(frame.color, wanted), palette.PREVIEW
             self._previewed = int(np.count_nonzero(mask))
-        elif masked and board.seen is not None:
-            mask = board.seen.masks.get(frame.camera.name)
+        elif masked and state.seen is not None:
+            mask = state.seen.masks.get(frame.camera.name)
         self.painted = _Painted(frame.color, mask, ink)
         self._image.image = self.painted.small()
 

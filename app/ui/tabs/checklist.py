@@ -20,11 +20,11 @@ _CONFIRM: Final = {
 _MARKS: Final = {True: "<b class='dp-good'>✓</b>", False: "<b class='dp-warn'>○</b>"}
 
 
-def card(board: ConsoleState) -> str:
+def card(state: ConsoleState) -> str:
     """Card of the checklist's items and their state."""
-    if board.checklist is None:
+    if state.checklist is None:
         return ""
-    return f'<div class="dp">{"".join(map(_line, board.checklist.items))}</div>'
+    return f'<div class="dp">{"".join(map(_line, state.checklist.items))}</div>'
 
 
 def _line(item: CheckItem) -> str:
@@ -46,15 +46,15 @@ class ChecklistForm:
                 self._buttons[key] = gui.add_button(label, color="orange", icon=viser.Icon.CHECKBOX, visible=False)
                 self._buttons[key].on_click(lambda event, key=key: self._confirm(event, key))
 
-    def paint(self, board: ConsoleState) -> None:
-        """Update it to the board."""
-        is_open = not board.cleared
+    def paint(self, state: ConsoleState) -> None:
+        """Update it to the state."""
+        is_open = not state.cleared
         if self._place.visible != is_open:
             self._place.visible = is_open
-        content = card(board)
+        content = card(state)
         if content != self._said.content:
             self._said.content = content
-        wanted = {item.key for item in board.checklist.items if not item.right} if board.checklist else set[str]()
+        wanted = {item.key for item in state.checklist.items if not item.right} if state.checklist else set[str]()
         for key, button in self._buttons.items():
             if button.visible != (key in wanted):
                 button.visible = key in wanted

@@ -18,9 +18,9 @@ _SUCCESS, _FAILURE, _REDO, _DISCARD = "Success", "Failure", "Redo", "Discard"
 _ACTS: Final[dict[str, TakeAct]] = {_SUCCESS: "success", _FAILURE: "failure", _REDO: "redo", _DISCARD: "discard"}
 
 
-def card(board: ConsoleState) -> str:
+def card(state: ConsoleState) -> str:
     """Card of the demonstration being recorded, and of the number so far."""
-    take = board.take
+    take = state.take
     if take is None:
         said = "None yet."
     elif take.state == "recording":
@@ -37,7 +37,7 @@ class DemonstrationForm:
 
     def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
         self._controller = controller
-        self._said = gui.add_html(card(controller.board))
+        self._said = gui.add_html(card(controller.state))
         self._start = gui.add_button("Start a demonstration", color="red", icon=viser.Icon.PLAYER_RECORD)
         self._start.on_click(lambda event: self._ask(event, "start"))
         self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
@@ -45,14 +45,14 @@ class DemonstrationForm:
         clip = gui.add_button(f"Save the last {_CLIP_S:.0f} seconds", color="gray", icon=viser.Icon.HISTORY)
         clip.on_click(self._keep)
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Show the buttons that apply now."""
-        content = card(board)
+        content = card(state)
         if content != self._said.content:
             self._said.content = content
-        if self._end.visible != board.demonstrating:
-            self._end.visible = board.demonstrating
-            self._start.visible = not board.demonstrating
+        if self._end.visible != state.demonstrating:
+            self._end.visible = state.demonstrating
+            self._start.visible = not state.demonstrating
 
     def _on_press(self, event: viser.GuiEvent[Any]) -> None:
         if event.target.value in _ACTS:  # A page may say anything.

@@ -23,9 +23,9 @@ _LEAST = 0.01
 _MM = 1e3
 
 
-def watch(board: ConsoleState) -> str:
+def watch(state: ConsoleState) -> str:
     """Card of the change detection: the model's state, the last prediction error, and the suspected causes."""
-    seen = board.watched
+    seen = state.watched
     if seen is None:
         return '<div class="dp"><small>Watched from the first push on.</small></div>'
     said, tone = _state(seen)
@@ -62,9 +62,9 @@ def _suspicion_section(seen: Watched) -> str:
     return f"<h3>Suspected</h3>{suspected}{to_know}"
 
 
-def verdict(board: ConsoleState) -> str:
+def verdict(state: ConsoleState) -> str:
     """Card of a discovery's verdict: its sentences, the causes by probability, and the push that it asks for."""
-    seen = board.verdict
+    seen = state.verdict
     if seen is None:
         return (
             '<div class="dp"><small>No verdict was given. <code>dipac discover</code> makes one of recordings, and '

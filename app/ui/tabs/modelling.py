@@ -42,16 +42,16 @@ class ModelTab:
         self._versions = Versions(gui, controller, folder)
         self._course = Course(gui)
 
-    def paint(self, board: ConsoleState) -> None:
-        """Update the tab to the board."""
-        last, self._last = self._last, board
-        self._summary.put(models.summary(board))
-        if board.models is not last.models:
-            self._parameters.put(models.parameters(board, rows=models.notable_parameters(board.models)))
-        if (board.made, board.watched, board.outcomes) != (last.made, last.watched, last.outcomes):
-            self._motion.put(models.last_motion(board))
-        self._versions.paint(board)
-        self._course.paint(board)
+    def paint(self, state: ConsoleState) -> None:
+        """Update the tab to the state."""
+        last, self._last = self._last, state
+        self._summary.put(models.summary(state))
+        if state.models is not last.models:
+            self._parameters.put(models.parameters(state, rows=models.notable_parameters(state.models)))
+        if (state.made, state.watched, state.outcomes) != (last.made, last.watched, last.outcomes):
+            self._motion.put(models.last_motion(state))
+        self._versions.paint(state)
+        self._course.paint(state)
 
 
 @final
@@ -77,18 +77,18 @@ class Versions:
         self._load.on_click(self._on_load)
         self._form.on_submit(self._on_load)
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Offer the available versions."""
-        if board.models is not self._shown:
+        if state.models is not self._shown:
             following = self._model(self._chosen.value) in (None, *self._shown[-1:])
-            self._shown = board.models
-            labels = tuple(map(label, reversed(board.models)))
+            self._shown = state.models
+            labels = tuple(map(label, reversed(state.models)))
             self._chosen.options, self._other.options = labels or _or_none(()), _or_none(labels)
             if following:  # The newest is still chosen.
                 self._chosen.value = self._chosen.options[0]
         chosen, other = self._model(self._chosen.value), self._model(self._other.value)
         self._difference.put(models.compare(chosen, other) if chosen and other else "")
-        disabled = chosen is None or board.model is None or chosen.version == board.model.version
+        disabled = chosen is None or state.model is None or chosen.version == state.model.version
         if self._use.disabled != disabled:
             self._use.disabled = disabled
 
@@ -102,7 +102,7 @@ class Versions:
 
     def _on_load(self, event: viser.GuiEvent[Any]) -> None:
         """Read the file in this thread of viser's, which blocks nothing else."""
-        episode, named = self._controller.board.episode, self._file.value
+        episode, named = self._controller.state.episode, self._file.value
         if episode is None:
             self._answer.put(_answer("The program has not begun yet; try again in a moment.", "dp-warn"))
             return
@@ -150,22 +150,22 @@ class Course:
         self._drawn: tuple[tuple[Model, ...], str] = ((), "")
         self._last = ConsoleState()
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Redraw plots with new data, or of another chosen parameter."""
-        last, self._last = self._last, board
-        if board.losses is not last.losses:
-            if board.losses:
-                versions, losses = zip(*board.losses, strict=True)
+        last, self._last = self._last, state
+        if state.losses is not last.losses:
+            if state.losses:
+                versions, losses = zip(*state.losses, strict=True)
                 self._loss.data = (np.array(versions, float), np.array([words.millimetres(loss) for loss in losses]))
-            self._loss.visible = bool(board.losses)
-        if board.models is not last.models and (names := models.notable_parameters(board.models)):
+            self._loss.visible = bool(state.losses)
+        if state.models is not last.models and (names := models.notable_parameters(state.models)):
             self._name.options = tuple(map(models.spelt, names))
             self._name.visible = self._value.visible = True
-        if board.models and (board.models, self._name.value) != self._drawn:
-            self._drawn = board.models, self._name.value
-            named = {models.spelt(name): name for name in models.notable_parameters(board.models)}
+        if state.models and (state.models, self._name.value) != self._drawn:
+            self._drawn = state.models, self._name.value
+            named = {models.spelt(name): name for name in models.notable_parameters(state.models)}
             if self._name.value in named:
-                self._value.data = course(board.models, named[self._name.value])
+                self._value.data = course(state.models, named[self._name.value])
 
 
 def course(versions: tuple[Model, ...], name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -20,24 +20,24 @@ _DOTS = 250
 """Points of each cloud in the picture: more would not be told apart."""
 
 
-def summary(board: ConsoleState) -> str:
+def summary(state: ConsoleState) -> str:
     """Card of the version in use, its source, and a calibration under way."""
-    model = board.model
+    model = state.model
     if model is None:
         return '<div class="dp"><small>No model yet.</small></div>'
     source = f"from {_motions(model.transition_count)}" if model.transition_count else "the task's own guess"
     loss = f", one-step error {words.distance(model.loss_m2)}" if math.isfinite(model.loss_m2) else ""
-    learning = board.health is not None and board.health.calibrating
+    learning = state.health is not None and state.health.calibrating
     now = "<p class='dp-good'><b>Calibrating now</b></p>" if learning else ""
     return f'<div class="dp"><p><b>Version {model.version}</b> in use: {source}{loss}.</p>{now}</div>'
 
 
-def parameters(board: ConsoleState, *, rows: Sequence[str]) -> str:
+def parameters(state: ConsoleState, *, rows: Sequence[str]) -> str:
     """The parameters `rows` of the model in use: values, 90 % intervals, and the change from the version before."""
-    if board.model is None:
+    if state.model is None:
         return ""
-    before = board.models[-2] if len(board.models) > 1 else None
-    return f'<div class="dp">{table(_parameter_rows(board.model, before, rows))}</div>'
+    before = state.models[-2] if len(state.models) > 1 else None
+    return f'<div class="dp">{table(_parameter_rows(state.model, before, rows))}</div>'
 
 
 def _parameter_rows(model: Model, before: Model | None, names: Sequence[str]) -> Iterable[tuple[str, str]]:
@@ -92,20 +92,20 @@ def _change(before: Parameter, after: Parameter) -> str:
     return words.change(before.value, after.value) or ("" if before.value == after.value else "changed")
 
 
-def last_motion(board: ConsoleState) -> str:
+def last_motion(state: ConsoleState) -> str:
     """Card of the last motion's prediction error, with a picture of it from above."""
-    if board.made is None:
+    if state.made is None:
         return '<div class="dp"><small>After the first motion.</small></div>'
-    seen = board.watched
+    seen = state.watched
     numbers = (
         [("Off by", f"{_MM * seen.error_m:.1f} mm <small>of {_MM * seen.moved_m:.1f} mm moved</small>")] if seen else []
     )
-    if board.outcomes:
-        last = board.outcomes[-1]
+    if state.outcomes:
+        last = state.outcomes[-1]
         predicted, came = words.distance(last.predicted_chamfer_m2), words.distance(last.chamfer_after_m2)
         numbers.append(("To the goal, predicted", predicted))
         numbers.append(("To the goal, seen", came))
-    return f'<div class="dp">{table(numbers)}{top_view(board.made)}{_legend()}</div>'
+    return f'<div class="dp">{table(numbers)}{top_view(state.made)}{_legend()}</div>'
 
 
 def top_view(made: Made) -> str:

@@ -48,16 +48,16 @@ class ModeForm:
         start.on_click(automatic)
         self._sure.on_click(self._on_confirm)
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Withdraw the confirmation of an operator who has lost control."""
-        if self._asked is not None and self._asked[0] != board.holder:
+        if self._asked is not None and self._asked[0] != state.holder:
             self._asked = None
         if self._sure.visible != (self._asked is not None):
             self._sure.visible = self._asked is not None
 
     def _make_sure(self, who: str, motions: int) -> None:
         """Ask the operator in control for confirmation, with the number that counts: all browsers share the field."""
-        if self._controller.board.holder != who:
+        if self._controller.state.holder != who:
             self._controller.tell(f"{who} has no control; take it first.")
             return
         self._asked = who, motions
@@ -73,7 +73,7 @@ class ModeForm:
     @property
     def _real(self) -> bool:
         """True where something real moves."""
-        episode = self._controller.board.episode
+        episode = self._controller.state.episode
         return episode is None or not episode.simulated
 
     def _ask(self, event: viser.GuiEvent[Any], mode: ModeName, motions: int = 0, *, confirmed: bool = False) -> None:

@@ -23,7 +23,7 @@ class Tuning:
     """A form in the container that is open when this is made. Until it is submitted nothing but the preview changes."""
 
     def __init__(self, gui: viser.GuiApi, controller: OperatorController) -> None:
-        self._controller, self._board = controller, ConsoleState()
+        self._controller, self._state = controller, ConsoleState()
         self._form = gui.add_form("Colours of the object", expand_by_default=False)
         with self._form:
             self._near = gui.add_rgb(
@@ -37,7 +37,7 @@ class Tuning:
             )
             self._saturation = gui.add_multi_slider("Saturation", 0.0, 1.0, 0.01, _FIRST.saturation)
             self._value = gui.add_multi_slider("Value", 0.0, 1.0, 0.01, _FIRST.value)
-            self._state = Text(gui, _state(None, None))
+            self._status = Text(gui, _state(None, None))
             self._use = gui.add_button("Use these colours", icon=viser.Icon.CHECK, disabled=True)
             self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._near.on_update(lambda event: self._set(_around(event.target.value)))
@@ -45,16 +45,16 @@ class Tuning:
         self._form.on_submit(self._on_submit)
         self._undo.on_click(self._undone)
 
-    def paint(self, board: ConsoleState) -> ColourRange | None:
+    def paint(self, state: ConsoleState) -> ColourRange | None:
         """Follow the colours in use; returns the sliders' colours where they differ: to be previewed."""
-        last, self._board = self._board, board
-        if board.colours and board.colours is not last.colours:
-            self._set(board.colours[-1])
-        wanted = self.wanted if board.colours else None
-        used = board.colours[-1] if board.colours else None
+        last, self._state = self._state, state
+        if state.colours and state.colours is not last.colours:
+            self._set(state.colours[-1])
+        wanted = self.wanted if state.colours else None
+        used = state.colours[-1] if state.colours else None
         changed = wanted is not None and used is not None and wanted != _round_to_steps(used)
-        self._state.put(_state(used, wanted if changed else None))
-        for button, disabled in ((self._use, not changed), (self._undo, len(board.colours) < 2)):
+        self._status.put(_state(used, wanted if changed else None))
+        for button, disabled in ((self._use, not changed), (self._undo, len(state.colours) < 2)):
             if button.disabled != disabled:
                 button.disabled = disabled
         return wanted if changed else None
@@ -81,7 +81,7 @@ class Tuning:
             self._controller.use_colours(wanted, operator=operator(event))
 
     def _undone(self, event: viser.GuiEvent[Any]) -> None:
-        former = self._board.colours[-2:-1]
+        former = self._state.colours[-2:-1]
         if former:
             self._controller.use_colours(former[0], operator=operator(event))
 

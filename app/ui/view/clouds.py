@@ -38,14 +38,14 @@ class Clouds:
         self.handles: dict[str, viser.PointCloudHandle] = {}
         self._drawn: dict[str, object] = {}
 
-    def paint(self, board: ConsoleState) -> None:
+    def paint(self, state: ConsoleState) -> None:
         """Draw the enabled clouds, where there is something newer; remove the others."""
         show = self.cameras
         wanted = dict[str, tuple[object, Show]]()
         if show != "off":
-            wanted |= {name: (frame, show) for name, frame in board.frames.items()}
-        if self.surface and board.particles is not None:
-            wanted[SURFACE] = board.particles, "off"
+            wanted |= {name: (frame, show) for name, frame in state.frames.items()}
+        if self.surface and state.particles is not None:
+            wanted[SURFACE] = state.particles, "off"
         for name in self.handles.keys() - wanted.keys():
             self.handles.pop(name).remove()
             self._drawn.pop(name)

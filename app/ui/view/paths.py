@@ -28,17 +28,17 @@ class Paths:
         self._visible = True
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
 
-    def paint(self, board: ConsoleState, last: ConsoleState) -> None:
+    def paint(self, state: ConsoleState, last: ConsoleState) -> None:
         """Draw branches while they may be decided on, the plan until the next one, and the measured path."""
-        if board.pending is not last.pending:
-            self._draw_branches(board.pending)
-        if board.shown is not last.shown:
-            plan = board.shown.motion.positions if board.shown else _NOTHING
+        if state.pending is not last.pending:
+            self._draw_branches(state.pending)
+        if state.shown is not last.shown:
+            plan = state.shown.motion.positions if state.shown else _NOTHING
             self._draw("plan", segments(plan), np.array(palette.BEST), 5.0)
-        if board.executed is not last.executed:
-            made = board.executed.made[:, :3] if board.executed else _NOTHING
+        if state.executed is not last.executed:
+            made = state.executed.made[:, :3] if state.executed else _NOTHING
             self._draw("measured", segments(made), np.array(palette.MEASURED), 3.0)
-        if board.pending is not last.pending and board.pending is not None:
+        if state.pending is not last.pending and state.pending is not None:
             self._erase("measured")
 
     def show_branches(self, visible: bool) -> None:

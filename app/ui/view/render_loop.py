@@ -1,4 +1,4 @@
-"""Render loop: a thread that paints the board at most twelve times a second.
+"""Render loop: a thread that paints the state at most twelve times a second.
 
 Any number of messages may come in between two frames; the latest state is painted. So a flood of messages costs a lock
 each, and neither the program's loop nor a slow browser waits for the other.
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 @final
 class RenderLoop:
-    """Calls `paint(board, now_s)` from a thread of its own between `start` and `close`."""
+    """Calls `paint(state, now_s)` from a thread of its own between `start` and `close`."""
 
     def __init__(self, controller: OperatorController, paint: Callable[[ConsoleState, float], None]) -> None:
         self._controller = controller
@@ -46,10 +46,10 @@ class RenderLoop:
         while not self._ended.is_set():
             self._controller.changed.clear()
             try:
-                self._paint(self._controller.board, self._controller.now())
+                self._paint(self._controller.state, self._controller.now())
             except Exception as error:
                 self._report(error)
-            moving = self._controller.board.pending is not None
+            moving = self._controller.state.pending is not None
             self._ended.wait(_PERIOD_S)
             self._controller.changed.wait(0.0 if moving else _IDLE_S)
 

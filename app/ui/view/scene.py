@@ -43,30 +43,30 @@ class ConsoleScene:
         for number, volume in enumerate(limits.keep_out):
             _forbid(server, f"/kept_free/{number}", volume)
 
-    def paint(self, board: ConsoleState, now_s: float) -> None:
-        """Update the picture to the board."""
-        last, self._last = self._last, board
-        if board.particles is not last.particles:
-            seen = board.particles
+    def paint(self, state: ConsoleState, now_s: float) -> None:
+        """Update the picture to the state."""
+        last, self._last = self._last, state
+        if state.particles is not last.particles:
+            seen = state.particles
             _follow(self.observed, seen and seen.positions, seen and seen.predicted)
-        if board.goal is not last.goal:
-            _follow(self.goal, board.goal and board.goal.positions)
-        if board.shown is not last.shown:
-            _follow(self.horizon, board.shown and board.shown.chosen.final)
-        if board.ahead is not last.ahead:
-            _follow(self.predicted, board.ahead)
-        if board.expected is not last.expected:
-            _follow(self.expected, board.expected)
-        if board.episode is not last.episode:
-            flat = Flat.of(board.episode.task) if board.episode else None
+        if state.goal is not last.goal:
+            _follow(self.goal, state.goal and state.goal.positions)
+        if state.shown is not last.shown:
+            _follow(self.horizon, state.shown and state.shown.chosen.final)
+        if state.ahead is not last.ahead:
+            _follow(self.predicted, state.ahead)
+        if state.expected is not last.expected:
+            _follow(self.expected, state.expected)
+        if state.episode is not last.episode:
+            flat = Flat.of(state.episode.task) if state.episode else None
             for tool in (self.tool, self.ghost):
                 tool.become(flat)
-        if board.arm is None:
+        if state.arm is None:
             self.tool.hide()
-        elif board.arm is not last.arm:
-            self.tool.put(board.arm.pose[:3], board.arm.gripper)
-        self.paths.paint(board, last)
-        self._play(board, now_s)
+        elif state.arm is not last.arm:
+            self.tool.put(state.arm.pose[:3], state.arm.gripper)
+        self.paths.paint(state, last)
+        self._play(state, now_s)
 
     def look(self, frame: Frame, picture: np.ndarray) -> None:
         """Show a camera at its pose, with its picture."""
@@ -94,12 +94,12 @@ class ConsoleScene:
         for frustum in self._frustums.values():
             frustum.visible = visible
 
-    def _play(self, board: ConsoleState, now_s: float) -> None:
+    def _play(self, state: ConsoleState, now_s: float) -> None:
         """Animate the ghost along the pending motion, at the arm's speed, in a loop."""
-        if board.pending is None or not self.playing:
+        if state.pending is None or not self.playing:
             self.ghost.hide()
             return
-        self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
+        self.ghost.put(along(state.pending.motion, now_s - state.pending.time_s), 1.0)
 
 
 def _follow(beads: ParticleView, points: Points | None, shaded: Bool[np.ndarray, " P"] | None = None) -> None:

@@ -22,10 +22,10 @@ _LATE_S: Final = 2.0
 """Age from which a picture is marked as old: younger ones are live for cameras of two frames a second."""
 
 
-def summary(board: ConsoleState) -> str:
+def summary(state: ConsoleState) -> str:
     """Card of the number of particles, and of the agreement of the cameras."""
-    count = str(len(board.particles.positions)) if board.particles else words.NOTHING
-    apart = max(board.seen.apart_m.values(), default=math.nan) if board.seen else math.nan
+    count = str(len(state.particles.positions)) if state.particles else words.NOTHING
+    apart = max(state.seen.apart_m.values(), default=math.nan) if state.seen else math.nan
     rows = [("Particles", count), ("Cameras apart", _apart(apart))]
     warning = ""
     if apart > APART_M:
@@ -36,12 +36,12 @@ def summary(board: ConsoleState) -> str:
     return f'<div class="dp">{table(rows)}{warning}</div>'
 
 
-def camera(board: ConsoleState, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
+def camera(state: ConsoleState, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
     """Card of one camera: its view of the object, its calibration, and the age of its picture.
 
     `previewed`: number of pixels of colours that are not in use yet.
     """
-    rows = _camera_rows(board.seen, frame, now_s, origin=_origin(board.episode), today=today, previewed=previewed)
+    rows = _camera_rows(state.seen, frame, now_s, origin=_origin(state.episode), today=today, previewed=previewed)
     return f'<div class="dp">{table(rows)}</div>'
 
 

@@ -1,7 +1,7 @@
 """The simulated cell in one process, in the time of its clock: with a virtual one it is as fast as it computes.
 
-Arm, world and cameras are those of the rig in processes (`rig.py`); what is missing is that they are supervised from
-outside of this process.
+Arm, world and cameras are those of the rig in processes (`app/rig/simulated/rig.py`); what is missing is that they are
+supervised from outside of this process.
 """
 
 from collections.abc import AsyncGenerator, Sequence
