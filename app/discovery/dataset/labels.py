@@ -27,11 +27,11 @@ def label_particles(
     last: np.ndarray | None = None
     for cloud in clouds:
         along = arclength_labels(cloud) if rods is None else _along_rod(cloud, rods)
-        nodes = centreline_weights(along, _NODES) @ cloud
+        nodes = _nodes(along, cloud)
         if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
             along, nodes = 1 - along, nodes[::-1]
         last = nodes
-        label, middle = label_of(along, cloud)
+        label, middle = _label(along, nodes, cloud)
         labels.append(label)
         middles.append(middle)
     return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
@@ -41,14 +41,12 @@ def label_of(
     along: Float32[np.ndarray, " N"], cloud: Points
 ) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
     """Labels of points that are so far `along` an object (0 to 1), and its middle [m] there."""
-    nodes = centreline_weights(along, _NODES) @ cloud
-    tangents = np.gradient(nodes[:, :2], axis=0)
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
-    at, middle = middles_of(along, cloud)
-    tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
-    offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    left = (offset * tangent).sum(1)
-    return np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1), middle
+    return _label(along, _nodes(along, cloud), cloud)
+
+
+def middles_of(along: Float32[np.ndarray, " N"], cloud: Points) -> Float64[np.ndarray, "N 3"]:
+    """The middle of an object [m] at points so far `along` it (0 to 1)."""
+    return _between(_nodes(along, cloud), along)
 
 
 def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
@@ -56,10 +54,22 @@ def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
     return labels_by_rank(RodStart.of(rods.scene).places(cloud[None].astype(np.float32))[0, 0])
 
 
-def middles_of(
-    along: Float32[np.ndarray, " N"], cloud: Points
-) -> tuple[Float32[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-    """Places among the nodes of an object's middle, and the middle there [m], of points so far `along` it (0 to 1)."""
-    nodes = centreline_weights(along, _NODES) @ cloud
+def _nodes(along: Float32[np.ndarray, " N"], cloud: Points) -> Float32[np.ndarray, "M 3"]:
+    return centreline_weights(along, _NODES) @ cloud
+
+
+def _label(
+    along: Float32[np.ndarray, " N"], nodes: Float32[np.ndarray, "M 3"], cloud: Points
+) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
+    tangents = np.gradient(nodes[:, :2], axis=0)
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+    middle, tangent = _between(nodes, along), _between(tangents, along)
+    offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    left = (offset * tangent).sum(1)
+    return np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1), middle
+
+
+def _between(nodes: Float32[np.ndarray, "M D"], along: Float32[np.ndarray, " N"]) -> Float64[np.ndarray, "N D"]:
+    """Values at the nodes of an object's middle, interpolated so far `along` it (0 to 1)."""
     at = np.clip(along * _NODES - 0.5, 0, _NODES - 1)
-    return at, np.stack([np.interp(at, np.arange(_NODES), nodes[:, axis]) for axis in range(3)], axis=1)
+    return np.stack([np.interp(at, np.arange(_NODES), column) for column in nodes.T], axis=1)

@@ -196,7 +196,7 @@ class Predictor:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
-        middle = middles_of((trials.labels[k, :, 0] + 1) / 2, points)[1]
+        middle = middles_of((trials.labels[k, :, 0] + 1) / 2, points)
         return self.seen(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
     def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
