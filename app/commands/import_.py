@@ -13,6 +13,7 @@ from app.commands._imported import imported_messages
 from app.commands._measured_setup import is_of_rope, measured_setup
 from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.scene_description import Rope
 from app.core.messages import Episode, Message
 from app.core.task_name import TaskName
 from app.recording.exchange.npz_import import Plain, read_plain
@@ -47,8 +48,10 @@ def import_(
     if is_of_rope(known):
         plain, known, setup = measured_setup(plain, known)
         notes = [*setup.words, *setup.notes, *(f"{flaw} No cause will be named." for flaw in setup.flaws)]
-    else:
+    elif isinstance(known.stage.body, Rope):
         known, notes = _resize_task(known, plain)
+    else:
+        notes = _unused_sizes(known, plain)
     count = known.preset("cpu").particle_count
     _write(output, imported_messages(plain, known.recorded, count, setup))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
@@ -78,6 +81,14 @@ def _resize_task(task: Task, plain: Plain) -> tuple[Task, list[str]]:
             can = f"from {low:g} to {high:g}" if task.sized is not None else "only that"
             notes.append(f"about says {name} = {value:g}; the task {task.problem} has {own:g}, and can have {can}.")
     return load(str(TaskName.of(task.problem, sizes))), notes
+
+
+def _unused_sizes(task: Task, plain: Plain) -> list[str]:
+    """Sizes that the file gives, and that a task has of its own, in words."""
+    said = [f"{part}.{name}" for part in ("object", "tool") for name in plain.about.get(part, {})]
+    if not said:
+        return []
+    return [f"The task {task.name} has an object and a tool of its own: {', '.join(said)} in about are not used."]
 
 
 def _task_name(plain: Plain, given: str | None, file: Path) -> str:

@@ -3,14 +3,16 @@
 import itertools
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.core.errors import RecordingError
-from app.core.messages import Episode, Executed, MessageId, Particles, Sighting, Transition
+from app.core.measured_setup import KEY
+from app.core.messages import Episode, Executed, Particles, Sighting, Transition
 from app.core.types import Cloud
 from app.recording.read.reader import read_messages
 
@@ -41,12 +43,13 @@ def write_ply(path: Path, folder: Path, what: What) -> int:
 
 
 def write_npz(path: Path, file: Path) -> int:
-    """Write the pushes of the recording, with the clouds before and after each, in the format of `dipac import`.
+    """Write the pushes of the recording in the format of `dipac import`, with all clouds from before to after each.
 
     The clouds are surfaces. Returns the number of pushes. Raises RecordingError where there is none; and as
     `read_messages`.
     """
-    pushes, tools, task = _pushes(path)
+    recorded = _Recorded.read(path)
+    pushes, tools = recorded.pushes, recorded.tools
     if not pushes:
         raise RecordingError(f"{path} holds no push with the object seen before and after it; nothing was written.")
     sights = [(particles, index, phase) for index, push in enumerate(pushes) for particles, phase in push.sights]
@@ -58,19 +61,24 @@ def write_npz(path: Path, file: Path) -> int:
         "cloud_push": np.array([index for _, index, _ in sights], np.int32),
         "cloud_phase": np.array([phase for _, _, phase in sights]),
         **_track("command", pushes, [push.executed.commanded for push in pushes]),
-        "about": np.array(json.dumps({"task": task})),
+        "about": np.array(json.dumps(recorded.about)),
     }
     if all(len(push.executed.measured) for push in pushes):
         arrays |= _track("state", pushes, [push.executed.measured for push in pushes])
-    if tools:
-        nothing = np.zeros((0, 3), np.float32)
-        arrays |= _join("tool", [tools.get(particles.time_s, nothing) for particles, _, _ in sights])
+    if any(len(tool) for tool in tools.values()):
+        arrays |= _join("tool", [tools.get(particles.time_s, _NOTHING) for particles, _, _ in sights])
+    if recorded.tables:
+        arrays |= _join("table", list(recorded.tables.values()))
+        arrays["table_episode"] = np.array(list(recorded.tables), np.int32)
     np.savez_compressed(file, allow_pickle=False, **arrays)
     return len(pushes)
 
 
+_NOTHING = np.zeros((0, 3), np.float32)
+
+
 class _Push(NamedTuple):
-    """A motion, the observations before and after it, and the index of its episode."""
+    """A motion, the observations from before to after it, and the index of its episode."""
 
     episode: int
     executed: Executed
@@ -81,24 +89,62 @@ def _clouds(path: Path) -> Iterator[Particles]:
     return (message for message in read_messages(path, [Particles]) if isinstance(message, Particles))
 
 
-def _pushes(path: Path) -> tuple[list[_Push], dict[float, Cloud], str]:
-    """Every push, the tool's points by the time of their observation, and the task."""
-    seen = dict[MessageId, Particles]()
-    pushes, tools, episodes = list[_Push](), dict[float, Cloud](), list[Episode]()
-    for message in read_messages(path, [Episode, Particles, Sighting, Transition]):
-        match message:
-            case Episode():
-                episodes.append(message)
-            case Particles():
-                seen[message.id] = message
-            case Sighting():
-                tools[message.time_s] = message.tool
-            case Transition(cause=(before, _, after)) if before in seen and after in seen:
-                sights = [(seen[before], "before"), (seen[after], "after")]
-                pushes.append(_Push(max(len(episodes) - 1, 0), message.executed, sights))
-            case _:
-                pass
-    return pushes, tools, episodes[0].task if episodes else ""
+@final
+@dataclass(kw_only=True, eq=False)
+class _Recorded:
+    """What a recording holds of the plain format.
+
+    `tools`: the tool's points by the time of their observation; `tables`: the bare table's by the index of the episode;
+    `about`: what is known of task, tool and object.
+    """
+
+    pushes: list[_Push] = field(default_factory=list)
+    tools: dict[float, Cloud] = field(default_factory=dict)
+    tables: dict[int, Cloud] = field(default_factory=dict)
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: Path) -> "_Recorded":
+        found, seen, episode = cls(), list[Particles](), -1
+        for message in read_messages(path, [Episode, Particles, Sighting, Transition]):
+            match message:
+                case Episode():
+                    episode += 1
+                    found.about = found.about or _about(message)
+                case Particles():
+                    seen.append(message)
+                case Sighting():
+                    found.tools[message.time_s] = message.tool
+                    if len(message.table):
+                        found.tables.setdefault(max(episode, 0), message.table)
+                case Transition():
+                    if sights := _sights(seen, message):
+                        found.pushes.append(_Push(max(episode, 0), message.executed, sights))
+                        # The object after this push may be the one before the next.
+                        seen = seen[seen.index(sights[-1][0]) :]
+                case _:
+                    pass
+        with_pushes = {push.episode for push in found.pushes}
+        found.tables = {number: table for number, table in found.tables.items() if number in with_pushes}
+        return found
+
+
+def _sights(seen: Sequence[Particles], transition: Transition) -> list[tuple[Particles, str]]:
+    """What was seen from before to after a motion, and when; nothing where its begin or end was not."""
+    before, _, after = transition.cause
+    ids = [particles.id for particles in seen]
+    if before not in ids or after not in ids:
+        return []
+    first, last = ids.index(before), ids.index(after)
+    moving = transition.executed.times_s
+    during = [it for it in seen[first + 1 : last] if moving[0] < it.time_s < moving[-1]]
+    return [(seen[first], "before"), *((it, "during") for it in during), (seen[last], "after")]
+
+
+def _about(episode: Episode) -> dict[str, Any]:
+    """What is known of task, tool and object: of imported data as they said it."""
+    said = json.loads(episode.config) if episode.rig == "imported" else {}
+    return {**{key: value for key, value in said.items() if key != KEY}, "task": episode.task}
 
 
 def _join(name: str, clouds: Sequence[Float32[np.ndarray, "_ 3"]]) -> dict[str, np.ndarray]:
