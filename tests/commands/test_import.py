@@ -247,6 +247,26 @@ def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize(
+    ("begin", "kind"),
+    [
+        (b"\x93NUMPY\x01\x00", "a single NumPy array"),
+        (b"PAR1", "Parquet"),
+        (b"\x89HDF\r\n\x1a\n", "HDF5"),
+        (b"\x89MCAP0\r\n", "MCAP"),
+        (b"SQLite format 3\0", "ROS 2 bag"),
+        (b"\x80\x04\x95", "pickle"),
+    ],
+)
+def test_files_of_other_kinds_are_called_what_they_are(begin: bytes, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "measured.npz"
+    path.write_bytes(begin + bytes(40))
+    with pytest.raises(RecordingError, match=kind) as refused:
+        import_(path, output=tmp_path / "a.mcap")
+    assert "numpy.savez" in str(refused.value)
+    assert not (tmp_path / "a.mcap").exists()
+
+
 def test_the_script_in_the_documentation_makes_such_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
     script = page.split("```python\n")[1].split("```")[0]
