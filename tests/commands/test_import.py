@@ -246,7 +246,6 @@ def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path) -> None:
         import_(tmp_path / "other.npz", output=tmp_path / "out.mcap")
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("begin", "kind"),
     [
@@ -267,6 +266,7 @@ def test_files_of_other_kinds_are_called_what_they_are(begin: bytes, kind: str, 
     assert not (tmp_path / "a.mcap").exists()
 
 
+@pytest.mark.serial
 def test_the_script_in_the_documentation_makes_such_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
     script = page.split("```python\n")[1].split("```")[0]
