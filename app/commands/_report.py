@@ -3,6 +3,7 @@
 import hashlib
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -35,10 +36,12 @@ def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[P
 
         said("choice of the simulator")
         doubted = doubted_in(study, load(task))
+        chosen_s = time.monotonic() - began
         case = investigate(study, doubted.subject, said, doubted.about)
+        case = replace(case, spent_s=(("choice of the simulator", chosen_s), *case.spent_s))
     report = output / "report.html"
     write_report(report, case)
-    (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
+    (output / VERDICT).write_text(verdict_json(case, output / MODEL), encoding="utf-8")
     try:
         save_model(output / MODEL, _model(case, study, task, doubted.subject, recordings))
     except ParameterError as error:  # Of a place that is farther from the middle than any planner's table is wide.

@@ -12,13 +12,14 @@ from app.discovery.results.case import Case
 from app.report.drawing.field import field
 from app.report.drawing.layout import section
 from app.report.drawing.markup import Markup, tag
+from app.report.sections.advice import MODEL
 from app.report.sections.causes import causes, confusions
 from app.report.sections.checks import checks
 from app.report.sections.examples import examples
 from app.report.sections.frames import frames
 from app.report.sections.gains import gains
 from app.report.sections.masthead import masthead, scope
-from app.report.sections.model import model, spent
+from app.report.sections.model import saved_model, spent
 from app.report.sections.next_push import next_push
 from app.report.sections.powers import powers
 from app.report.sections.verdict import headline
@@ -34,24 +35,24 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("gains", "What is gained", "How much of the error goes away on such pushes?", gains),
     ("powers", "What would be visible", "How large a cause has to be to show in these data.", powers),
     ("next", "The next push", "Which push would tell most?", next_push),
-    ("model", "The extended model", "What is saved, and what a planner loads.", model),
+    ("model", "The saved model", "What a planner loads.", saved_model),
     ("spent", "Time spent", "Where the time of this analysis went.", spent),
 )
 """Sections of the page in the order of reading: anchor, title, question, and its answer."""
 
 
 def write_report(path: Path, case: Case) -> None:
-    """Write the case file as HTML. Raises UsageError where the file cannot be written."""
+    """Write the case file as HTML, beside the saved model. Raises UsageError where the file cannot be written."""
     try:
-        path.write_text(page(case), encoding="utf-8")
+        path.write_text(page(case, path.with_name(MODEL.name)), encoding="utf-8")
     except OSError as error:
         raise UsageError(
             f"Cannot write the report to {path}: {error.strerror}; choose another place with -o."
         ) from None
 
 
-def page(case: Case) -> str:
-    """The case file as HTML."""
+def page(case: Case, model: Path = MODEL) -> str:
+    """The case file as HTML. `model`: the saved model's file."""
     script = _asset("report.js")
     parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(SECTIONS, 1)]
     head = tag(
@@ -64,7 +65,7 @@ def page(case: Case) -> str:
         tag("style", Markup(_asset("report.css"))),
         tag("noscript", tag("style", Markup(".off{display:revert}.chooser{display:none}"))),
     )
-    body = tag("body", masthead(case), _contents(), tag("main", *parts), tag("script", Markup(script)))
+    body = tag("body", masthead(case, model), _contents(), tag("main", *parts), tag("script", Markup(script)))
     return f"<!doctype html>\n{tag('html', head, body, lang='en').text}\n"
 
 

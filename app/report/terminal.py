@@ -15,7 +15,7 @@ from rich.text import Text
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.size import size
 from app.report.drawing.words import best, interval, percent, title
-from app.report.sections.advice import advice
+from app.report.sections.advice import MODEL, advice
 from app.report.sections.verdict import chance, gain_sentence, headline, kind
 
 _WIDTH = 80
@@ -27,6 +27,7 @@ _STYLES = {"named": "green", "set": "yellow", "none": "green", "none_of_these": 
 def show_case(case: Case, report: Path | None = None) -> RenderableType:
     """The verdict, its causes, their gain, the next push, and the path of the report."""
     parts: list[RenderableType] = [_panel(case)]
+    steps = advice(case, MODEL if report is None else report.with_name(MODEL.name))
     if case.setup is not None:
         words = (text.split(": ", 1) for text in case.setup.words)
         parts += [_line(label, f"{text[0].upper()}{text[1:]}") for label, text in words]
@@ -38,8 +39,8 @@ def show_case(case: Case, report: Path | None = None) -> RenderableType:
     ]
     if case.formula is not None:
         parts.append(_line("Formula", f"{case.formula.text}: {case.formula.words}"))
-    parts += [_line("Next", text) for text in advice(case)]
-    if case.next_push is not None and case.next_push.text not in " ".join(advice(case)):
+    parts += [_line("Next", text) for text in steps]
+    if case.next_push is not None and case.next_push.text not in " ".join(steps):
         parts.append(_line("Next push", case.next_push.text))
     if report is not None:
         parts.append(Text.assemble((f"{'Report':<11}", "bold"), str(report), no_wrap=True, overflow="ignore"))

@@ -1,6 +1,7 @@
 """The verdict for programs, as `schema.VerdictFile`."""
 
 import math
+from pathlib import Path
 
 import msgspec
 
@@ -8,16 +9,16 @@ from app.core.geometry.track import Track
 from app.discovery.results.case import Case, CauseResult, Estimate, Formula, Gain, NextPush, Power
 from app.report import schema
 from app.report.drawing.size import size
-from app.report.sections.advice import advice
+from app.report.sections.advice import MODEL, advice
 from app.report.sections.verdict import headline, probability
 
 
-def verdict_json(case: Case) -> str:
-    """The case as JSON of `schema.VerdictFile`, for a file."""
-    return msgspec.json.format(msgspec.json.encode(verdict_file(case)), indent=2).decode() + "\n"
+def verdict_json(case: Case, model: Path = MODEL) -> str:
+    """The case as JSON of `schema.VerdictFile`, for a file. `model`: the saved model's file."""
+    return msgspec.json.format(msgspec.json.encode(verdict_file(case, model)), indent=2).decode() + "\n"
 
 
-def verdict_file(case: Case) -> schema.VerdictFile:
+def verdict_file(case: Case, model: Path = MODEL) -> schema.VerdictFile:
     """The case in the form of the file."""
     known = probability(case)
     return schema.VerdictFile(
@@ -26,7 +27,7 @@ def verdict_file(case: Case) -> schema.VerdictFile:
         headline=headline(case),
         probability=_finite_or_none(known[0]) if known is not None else None,
         probability_of=known[1] if known is not None else None,
-        advice=advice(case),
+        advice=advice(case, model),
         sentences=case.sentences,
         simulated=() if case.setup is None else case.setup.words,
         causes=tuple(map(_cause, case.causes)),

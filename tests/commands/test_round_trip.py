@@ -1,4 +1,4 @@
-"""What `dipac recordings export --to npz` writes, `dipac import` reads, and the other way round, for every task."""
+"""Round trips of arrays: `dipac import` reads what `dipac recordings export --to npz` writes, for every task."""
 
 import json
 from pathlib import Path

@@ -1,5 +1,6 @@
 """The model under test, and the catalogue of candidate causes of its error."""
 
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, final
@@ -308,7 +309,7 @@ def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effe
 
 def _about(doc: str) -> str:
     """The first sentence of a file's docstring."""
-    return " ".join(doc.split("\n\n")[0].split()).split(". ")[0].rstrip(".") + "."
+    return re.split(r"\.\s+(?=[A-Z])", " ".join(doc.split("\n\n")[0].split()))[0].rstrip(".") + "."
 
 
 def _numeric(name: str, about: str, low: float) -> ParameterSpec:

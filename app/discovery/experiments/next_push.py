@@ -50,7 +50,7 @@ def next_push(
     if not np.isfinite(apart).any():  # No push that every model survives.
         return None
     best = int(np.nanargmax(apart))
-    first, second = _rivals(ends[:, best], list(models))
+    first, second = _rivals(ends[:, best], [probability for probability, _ in models.values()])
     distance = _distance_m(ends[first, best], ends[second, best])
     track = asked.pushes[best].command
     names = list(models)
@@ -91,8 +91,14 @@ def _apart(ends: Float32[np.ndarray, "M C N 3"], probabilities: Sequence[float])
     return total
 
 
-def _rivals(ends: Float32[np.ndarray, "M N 3"], names: Sequence[str]) -> tuple[int, int]:
-    return max(combinations(range(len(names)), 2), key=lambda pair: _distance_m(ends[pair[0]], ends[pair[1]]))
+def _rivals(ends: Float32[np.ndarray, "M N 3"], probabilities: Sequence[float]) -> tuple[int, int]:
+    """The two that count most for the choice: probable, and far apart."""
+
+    def weight(pair: tuple[int, int]) -> float:
+        i, j = pair
+        return probabilities[i] * probabilities[j] * _distance_m(ends[i], ends[j]) ** 2
+
+    return max(combinations(range(len(probabilities)), 2), key=weight)
 
 
 def _distance_m(a: Points, b: Points) -> float:

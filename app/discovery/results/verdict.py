@@ -19,6 +19,8 @@ _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
 _SMALL = 0.2
 """Metres or seconds below which a sentence counts in thousandths."""
+_BESIDE = 0.5
+"""Share of the likeliest cause's probability from which another is named beside it."""
 _LISTED = 4
 """Causes of a set that a sentence lists."""
 _NAMEABLE = 4.0 * TEMPERATURE
@@ -171,7 +173,7 @@ def sentences_of(
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
     parts = " and ".join(f"{_readable_name(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
-    return (f"What the simulation lacks is {parts}.", gain_text, *more)
+    return (f"The model lacks {parts}.", gain_text, *more)
 
 
 def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
@@ -184,10 +186,20 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
         first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
         return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
     if (some := sum(probabilities.values())) > _LIKELIER:
-        first = f"Nothing can be named: something is missing with a probability of {some:.0%}, which is not enough."
-        return (first, f"{said}, the likeliest of many, has one of {probability:.0%}.")
+        first = (
+            f"Nothing can be named: something is missing with a probability of {some:.0%}, spread over several causes."
+        )
+        return (first, f"{_leaders_text(probabilities)}; a name takes {NAMED:.0%}.")
     first = "Nothing is missing that these recordings show: no cause explains them better than the refitted model."
     return (first, f"{said}, the likeliest, has a probability of {probability:.0%}.")
+
+
+def _leaders_text(probabilities: Mapping[str, float]) -> str:
+    """The likeliest causes, down to half as likely as the first, with their probabilities."""
+    ranked = sorted(probabilities.items(), key=lambda pair: -pair[1])
+    leading = [pair for pair in ranked[:_LISTED] if pair[1] >= _BESIDE * ranked[0][1]]
+    said = " and ".join(f"{_readable_name(name)} ({share:.0%})" for name, share in leading)
+    return f"Likeliest {'are' if len(leading) > 1 else 'is'} {said}"
 
 
 def _one_of(causes: Sequence[CauseResult]) -> str:
@@ -207,7 +219,11 @@ def _sentences_on_force(left: float, formula: Formula | None, gain_text: str) ->
 
 def _sizes_of(blame: CauseResult) -> str:
     """Each parameter in words with its value; its name if it has no description."""
-    return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
+    said = [(_meaning(it), _amount(it.value, it.unit)) for it in blame.estimates]
+    common, parts = {meaning.rpartition(", ")[0] for meaning, _ in said}, len(said) > 1
+    if parts and len(common) == 1 and (whole := common.pop()):  # Of a vector, the words before its axes once.
+        return f"{whole}: " + ", ".join(f"{meaning.rpartition(', ')[2]} {amount}" for meaning, amount in said)
+    return "; ".join(f"{meaning}: {amount}" for meaning, amount in said)
 
 
 def _meaning(estimate: Estimate) -> str:

@@ -92,7 +92,7 @@ def _clouds(path: Path) -> Iterator[Particles]:
 @final
 @dataclass(kw_only=True, eq=False)
 class _Recorded:
-    """What a recording holds of the plain format.
+    """Content of a recording in the plain format.
 
     `tools`: the tool's points by the time of their observation; `tables`: the bare table's by the index of the episode;
     `about`: what is known of task, tool and object.
@@ -130,7 +130,7 @@ class _Recorded:
 
 
 def _sights(seen: Sequence[Particles], transition: Transition) -> list[tuple[Particles, str]]:
-    """What was seen from before to after a motion, and when; nothing where its begin or end was not."""
+    """Observations from before to after a motion, and their phases; none where its begin or end was not seen."""
     before, _, after = transition.cause
     ids = [particles.id for particles in seen]
     if before not in ids or after not in ids:
@@ -142,7 +142,7 @@ def _sights(seen: Sequence[Particles], transition: Transition) -> list[tuple[Par
 
 
 def _about(episode: Episode) -> dict[str, Any]:
-    """What is known of task, tool and object: of imported data as they said it."""
+    """Known properties of task, tool and object: of imported data as they said it."""
     said = json.loads(episode.config) if episode.rig == "imported" else {}
     return {**{key: value for key, value in said.items() if key != KEY}, "task": episode.task}
 

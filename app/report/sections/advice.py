@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 from app.discovery.results.case import Case
@@ -12,21 +13,21 @@ _SOURCE: Final = {
     "actuation": "Or take it away at its source, in the arm's own controller, and record again.",
 }
 """Advice by family of a cause that is better than a model that allows for it."""
-MODEL: Final = "model.toml"
+MODEL: Final = Path("model.toml")
 _SURE: Final = 0.95
 
 
-def advice(case: Case) -> tuple[str, ...]:
-    """Next steps, the most important first."""
-    return tuple(_advice(case))
+def advice(case: Case, model: Path = MODEL) -> tuple[str, ...]:
+    """Next steps, the most important first. `model`: the saved model's file."""
+    return tuple(_advice(case, model))
 
 
-def _advice(case: Case) -> Iterator[str]:
+def _advice(case: Case, model: Path) -> Iterator[str]:
     if any(limit.fatal for limit in case.limits):
         yield "Do not use a model from these recordings. Mend what is said above, record again, and ask again."
         return
     if case.verdict == "named" or case.formula is not None:
-        yield f"Plan with the extended model, which is saved beside this report: {_run(case)}"
+        yield f"Plan with the extended model, which is saved beside this report: {_run(case, model)}"
         families = {blame.family for blame in case.causes}
         if len(families) == 1 and (text := _SOURCE.get(next(iter(families)))) is not None:
             yield text
@@ -42,18 +43,19 @@ def _advice(case: Case) -> Iterator[str]:
         yield from _more(case, "To know more")
         yield "Until then keep the model as it is: no cause is sure enough to be added to it."
     else:
-        yield f"Nothing has to be mended. The refitted model is saved beside this report: {_run(case)}"
+        yield f"Nothing has to be mended. The refitted model is saved beside this report: {_run(case, model)}"
         yield "How large a cause could be without having shown is in section 9; more pushes show smaller ones."
 
 
-def _run(case: Case) -> str:
+def _run(case: Case, model: Path) -> str:
     """The command that plans with the saved model."""
-    return f"dipac run {shlex.quote(case.amount.task)} --model {MODEL}"
+    return f"dipac run {shlex.quote(case.amount.task)} --model {shlex.quote(str(model))}"
 
 
 def _more(case: Case, why: str) -> Iterator[str]:
     """The most informative push, or more of any."""
     if case.next_push is not None:
         yield f"{why}, make this push and ask again. {case.next_push.text}"
+        yield f"A batch of such pushes: dipac probe {shlex.quote(case.amount.task)} --recordings FILES -o FOLDER"
     else:
         yield f"{why}, record as many pushes again, from other shapes of the object and in other directions."

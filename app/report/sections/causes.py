@@ -13,7 +13,10 @@ from app.report.drawing.words import best, decimal, effect_name, interval, perce
 
 _FIRST = 8
 """Causes shown at once; the others on demand."""
-_CONFUSED_FROM = 0.15
+_CONFUSED_FROM, _CONFUSED_LEAST = 0.3, 0.03
+"""Share of the cases in which one is taken for itself from which it is taken for another one often; and the least."""
+_SEEN = 0.5
+"""Share of the cases in which something is found below which a cause mostly stays unseen."""
 _NUMBERED_FROM = 0.01
 _LABELS = 190.0
 _NARROW = 24.0
@@ -123,16 +126,24 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
 
 
 def _confusion_text(case: Case) -> str:
-    """The pairs that are confused with one another, in words."""
-    mutual = np.maximum(case.confusions, case.confusions.T)
+    """The causes that would mostly stay unseen, and the pairs that are taken for one another, in words."""
+    found = case.confusions.sum(axis=1)
+    unseen = [effect_name(name) for name, share in zip(case.confused, found, strict=True) if share < _SEEN]
+    words = f"Mostly unseen at that size: {', '.join(unseen)}. " if unseen else ""
+    mutual, own = np.maximum(case.confusions, case.confusions.T), case.confusions.diagonal()
     pairs = sorted(
-        ((float(mutual[i, j]), i, j) for i in range(len(mutual)) for j in range(i) if mutual[i, j] >= _CONFUSED_FROM),
+        (
+            (float(mutual[i, j]), i, j)
+            for i in range(len(mutual))
+            for j in range(i)
+            if mutual[i, j] >= max(_CONFUSED_LEAST, _CONFUSED_FROM * max(own[i], own[j]))
+        ),
         reverse=True,
     )
     if not pairs:
-        return "No two of them are often taken for one another."
+        return f"{words}No two of them are often taken for one another."
     said = [
         f"{effect_name(case.confused[j])} and {effect_name(case.confused[i])} ({percent(share)})"
         for share, i, j in pairs[:4]
     ]
-    return f"Hard to tell apart: {'; '.join(said)}."
+    return f"{words}Hard to tell apart: {'; '.join(said)}."

@@ -7,6 +7,7 @@ from app.report.drawing.layout import chooser, columns, figure, legend, paragrap
 from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal
+from app.report.sections.verdict import is_extended
 
 _KEY = (
     ("before", "before the push"),
@@ -16,6 +17,8 @@ _KEY = (
     ("tool", "way of the tool"),
 )
 
+_KEY_OF_ONE = tuple(entry for entry in _KEY if entry[0] != "extended")
+
 
 def examples(case: Case) -> Markup:
     """The pushes, shown one at a time."""
@@ -23,13 +26,19 @@ def examples(case: Case) -> Markup:
         return paragraph("No episode was held out, so there is no push that the models had not seen.")
     options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
     shown = [
-        tag("div", _example(it, index), data_of="example", data_key=str(index), class_="off" if index else None)
+        tag(
+            "div",
+            _example(it, index, extended=is_extended(case.gain)),
+            data_of="example",
+            data_key=str(index),
+            class_="off" if index else None,
+        )
         for index, it in enumerate(case.examples)
     ]
     return concat([chooser("example", "Held-out push", options), *shown])
 
 
-def _example(it: Example, index: int) -> Markup:
+def _example(it: Example, index: int, *, extended: bool) -> Markup:
     whole = ground(bounds((it.before, it.observed, it.nominal, it.extended, it.tool)), 440.0, 480.0)
     near = lens(it.observed, it.nominal)
     drawing = svg(
@@ -39,7 +48,7 @@ def _example(it: Example, index: int) -> Markup:
         "The object before and after the push and as both models predict it, from above, with the way of the tool.",
         surface(whole),
         cloud(whole, it.before, "before"),
-        _ends(whole, it),
+        _ends(whole, it, extended=extended),
         way(whole, it.tool),
         frame(whole, near),
     )
@@ -49,25 +58,25 @@ def _example(it: Example, index: int) -> Markup:
         f"example{index}",
         f"Held-out push {it.number}, where the nominal model is worst",
         f"Where the nominal model is farthest from what was seen, in a square of {200 * LENS_M:g} cm.",
-        _ends(close, it),
+        _ends(close, it, extended=extended),
     )
     return columns(
-        figure(drawing, _caption(it), legend=legend(_KEY)),
+        figure(drawing, _caption(it, extended=extended), legend=legend(_KEY if extended else _KEY_OF_ONE)),
         figure(detail, "What the frame holds: where the nominal model is farthest from what was seen."),
         kind="lensed",
     )
 
 
-def _ends(p: Plot, it: Example) -> Markup:
-    """The observed object over the predictions of both models."""
-    return concat(
-        [cloud(p, it.nominal, "nominal"), cloud(p, it.extended, "extended"), cloud(p, it.observed, "observed")]
-    )
+def _ends(p: Plot, it: Example, *, extended: bool) -> Markup:
+    """The observed object over the predictions of both models, or of the only one."""
+    predicted = [cloud(p, it.nominal, "nominal"), *([cloud(p, it.extended, "extended")] if extended else [])]
+    return concat([*predicted, cloud(p, it.observed, "observed")])
 
 
-def _caption(it: Example) -> str:
-    nominal, extended = (decimal(apart_mm(it.observed, cloud), 1) for cloud in (it.nominal, it.extended))
+def _caption(it: Example, *, extended: bool) -> str:
+    nominal, better = (decimal(apart_mm(it.observed, cloud), 1) for cloud in (it.nominal, it.extended))
+    with_extended = f", {better} mm with the extended one" if extended else ""
     return (
         "The better a model, the more its dots lie on those observed. From an observed point to the nearest predicted "
-        f"one it is {nominal} mm in the mean with the nominal model, {extended} mm with the extended one."
+        f"one it is {nominal} mm in the mean with the nominal model{with_extended}."
     )

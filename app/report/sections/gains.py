@@ -9,7 +9,7 @@ from app.report.drawing.chart import axes, dots, label, line, nice_step, plot, p
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal
-from app.report.sections.verdict import gain_sentence
+from app.report.sections.verdict import gain_sentence, is_extended
 
 _WIDTH, _HEIGHT = 250.0, 250.0
 _MARGINS = (14.0, 14.0, 46.0, 58.0)
@@ -18,11 +18,10 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 def gains(case: Case) -> Markup:
     """The gain in words, and in three small figures."""
     drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
-    drawn += [_pairs(case)] if np.isfinite(case.per_episode).any() else []
+    drawn += [_pairs(case)] if np.isfinite(case.per_episode).any() and is_extended(case.gain) else []
     drawn += [_steps(case)] if np.isfinite(case.steps).any() else []
-    key = legend(
-        [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model"), ("extended", "extended model")]
-    )
+    kinds = [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model")]
+    key = legend([*kinds, ("extended", "extended model")] if is_extended(case.gain) else kinds)
     return concat([paragraph(gain_sentence(case.gain), "lead"), key, columns(*drawn, kind="three")])
 
 
@@ -32,7 +31,7 @@ def _bars(gain: Gain) -> Markup:
         ("nominal", gain.nominal_mm, "nominal"),
         ("extended", gain.extended_mm, "extended"),
     )
-    known = [entry for entry in values if math.isfinite(entry[1])]
+    known = [entry for entry in values if math.isfinite(entry[1]) and (entry[2] != "extended" or is_extended(gain))]
     p = plot(_WIDTH, _HEIGHT, (0.0, float(len(known))), (0.0, _above(max(value for _, value, _ in known))), _MARGINS)
     drawn = list[Markup]()
     for index, (name, value, kind) in enumerate(known):
@@ -82,6 +81,7 @@ def _steps(case: Case) -> Markup:
         *(
             concat([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
             for curve, kind in zip(curves, ("nominal", "extended"), strict=True)
+            if kind == "nominal" or is_extended(case.gain)
         ),
     )
     return figure(drawing, "How errors grow when pushes are predicted one after another, as a planner does.")

@@ -1,6 +1,7 @@
 """The top of the page: the verdict in large type, its sentences and key numbers; then the amount of data."""
 
 import math
+from pathlib import Path
 from typing import Final
 
 from app.discovery.results.case import Case
@@ -9,13 +10,13 @@ from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
 from app.report.drawing.words import best, decimal, interval, title
 from app.report.sections.advice import advice
-from app.report.sections.verdict import chance, headline, kind
+from app.report.sections.verdict import chance, headline, is_extended, is_missing_something, kind
 
 _PROGRAM: Final = "dipac "
 
 
-def masthead(case: Case) -> Markup:
-    """Summary of the case for a reader of nothing else."""
+def masthead(case: Case, model: Path) -> Markup:
+    """Summary of the case for a reader of nothing else. `model`: the saved model's file."""
     return tag(
         "header",
         tag("p", tag("b", "dipac discover"), f"case file of {case.amount.task}", class_="brand"),
@@ -25,7 +26,7 @@ def masthead(case: Case) -> Markup:
         *_setup_list(case),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
-        tag("div", tag("h2", "What to do next"), *(_next(text) for text in advice(case)), class_="advice"),
+        tag("div", tag("h2", "What to do next"), *(_next(text) for text in advice(case, model)), class_="advice"),
         class_=f"masthead {case.verdict}",
     )
 
@@ -52,15 +53,17 @@ def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
         numbers = (it.value, it.low, it.high, it.unit)
         entries.append((title(it.name), best(*numbers), f"90 % interval {interval(*numbers)}"))
     gain = case.gain
-    still = f"no motion: {decimal(gain.still_mm, 1)} mm"
-    if math.isfinite(gain.nominal_mm) and gain.extended_mm == gain.nominal_mm:
+    still = f"{decimal(gain.still_mm, 1)} mm if nothing moved"
+    if math.isfinite(gain.nominal_mm) and not is_extended(gain):
         errors = f"{decimal(gain.nominal_mm, 1)} mm"
-        entries.append(("Error of the refitted model", errors, f"on {gain.episodes} held-out episodes; {still}"))
+        entries.append(
+            ("Error of the refitted model", errors, f"over {gain.episodes} episodes, each left out in turn; {still}")
+        )
     elif math.isfinite(gain.gain):
         low, high = decimal(100 * gain.low, 0), decimal(100 * gain.high, 0)
         entries.append(("Held-out error gone", f"{decimal(100 * gain.gain, 0)} %", f"90 % interval {low} to {high} %"))
         errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} mm"
-        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes; {still}"))
+        entries.append(("One-step error", errors, f"over {gain.episodes} episodes, each left out in turn; {still}"))
     return entries
 
 
@@ -80,7 +83,10 @@ def scope(case: Case) -> Markup:
     )
     listed = tag("dl", *(_count(number, name) for number, name in counts), class_="counts")
     if not case.limits:
-        return concat([listed, paragraph("Nothing that these data lack limits the verdict.")])
+        lacks = "Amount and variety of these data do not forbid a verdict."
+        if case.verdict == "none" and is_missing_something(case):
+            lacks += " They are too few for a sure one: section 9 says how large a cause has to be to show in them."
+        return concat([listed, paragraph(lacks)])
     limits = (
         tag("li", tag("b", limit.text), " ", limit.consequence, class_="fatal" if limit.fatal else None)
         for limit in case.limits

@@ -12,8 +12,8 @@ from app.report.drawing.words import best, decimal, display, effect_name, interv
 _WIDTH, _ROW, _LABELS = 780.0, 24.0, 190.0
 
 
-def model(case: Case) -> Markup:
-    """Every parameter of the extended model with its interval; the formula where there is one."""
+def saved_model(case: Case) -> Markup:
+    """Every parameter of the saved model with its interval; the formula where there is one."""
     rows = [_row("Nominal, refitted", it) for it in case.nominal]
     rows += [_row(title(blame.effect), it) for blame in case.causes for it in blame.estimates]
     formula = Markup("")
@@ -24,7 +24,7 @@ def model(case: Case) -> Markup:
             "div", tag("code", case.formula.text), paragraph(case.formula.words), tag("ul", *terms), class_="formula"
         )
     if not rows:
-        return paragraph("There is no extended model: nothing was found to extend it by.")
+        return paragraph("Nothing was fitted, so no model is saved.")
     heads = ("Part", "Parameter", "Value", "90 % interval", "Nominal model")
     return concat([formula, table(heads, rows, numbers=(2, 3, 4), kind="model")])
 

@@ -7,8 +7,10 @@ from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.lens import close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
-from app.report.drawing.words import best, effect_name
+from app.report.drawing.words import best, decimal, effect_name
 
+_CLEAR = 2.0
+"""Errors of the model by which two predictions differ clearly."""
 _KINDS = ("end0", "end1", "end2", "end3")
 
 
@@ -17,7 +19,7 @@ def next_push(case: Case) -> Markup:
     push = case.next_push
     if push is None:
         return paragraph("No push is proposed: there is nothing left that one would tell apart.")
-    side = tag("div", _detail(push), _numbers(push)) if len(push.ends) > 1 else _numbers(push)
+    side = tag("div", _detail(case, push), _numbers(push)) if len(push.ends) > 1 else _numbers(push)
     return concat([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
 
 
@@ -38,10 +40,20 @@ def _drawing(case: Case, push: NextPush) -> Markup:
     return figure(drawing, "The push on the table. The tool starts at the dot.", legend=legend(key))
 
 
-def _detail(push: NextPush) -> Markup:
+def _detail(case: Case, push: NextPush) -> Markup:
     close = close_up(lens(push.ends[0], push.ends[1]))
-    said = "Where the models part most: one look at the object there decides between them."
+    said = f"Where the models part most. {_worth(push.apart_mm, case.gain.nominal_mm)}"
     return figure(enlarge(close, "parting", "Where the models part most", said, _ends(close, push)), said)
+
+
+def _worth(apart_mm: float, error_mm: float) -> str:
+    """Value of one look at the object there, beside the error of the model itself."""
+    if not error_mm * _CLEAR > apart_mm:
+        return "One look at the object there tells them apart."
+    return (
+        f"They differ there by {decimal(apart_mm, 1)} mm, and the model errs by {decimal(error_mm, 1)} mm: it takes "
+        f"about {(_CLEAR * error_mm / apart_mm) ** 2:.0f} such pushes."
+    )
 
 
 def _ends(p: Plot, push: NextPush) -> Markup:
@@ -60,7 +72,7 @@ def _names(push: NextPush) -> list[tuple[str, str]]:
 def _numbers(push: NextPush) -> Markup:
     start, end = push.track.positions[0], push.track.positions[-1]
     rows = (
-        ("Tells apart", " and ".join(effect_name(effect) for effect in push.between)),
+        ("Chosen to tell apart", " and ".join(effect_name(effect) for effect in push.between)),
         ("They differ by", best(push.apart_mm * 1e-3, push.apart_mm * 1e-3, push.apart_mm * 1e-3, "m")),
         ("From", f"({start[0]:.2f}, {start[1]:.2f}) m"),
         ("To", f"({end[0]:.2f}, {end[1]:.2f}) m"),

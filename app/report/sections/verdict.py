@@ -23,7 +23,11 @@ ten had something hidden in them: a probability of about that says nothing."""
 
 def kind(case: Case) -> str:
     """Kind of verdict, in plain words."""
-    return "Causes that act together" if case.verdict == "named" and len(case.causes) > 1 else _KINDS[case.verdict]
+    if case.verdict == "named" and len(case.causes) > 1:
+        return "Causes that act together"
+    if case.verdict == "none" and is_missing_something(case):
+        return "No cause is sure enough"
+    return _KINDS[case.verdict]
 
 
 def headline(case: Case) -> str:
@@ -39,7 +43,7 @@ def headline(case: Case) -> str:
         if _missing(case) > _SURELY:
             return "Something is missing, and these data cannot tell what"
         if is_missing_something(case):
-            return "These data cannot tell whether anything is missing"
+            return "Perhaps something is missing; these data cannot tell"
         return "The model lacks nothing that these data would show"
     return "Something acts that no known cause explains"
 
@@ -76,11 +80,16 @@ def _missing(case: Case) -> float:
     return min(sum(blame.probability for blame in case.ranking), 1.0)
 
 
+def is_extended(gain: Gain) -> bool:
+    """True where there is an extended model, which predicts otherwise than the refitted nominal one."""
+    return gain.extended_mm != gain.nominal_mm
+
+
 def gain_sentence(gain: Gain) -> str:
     """The gain in a sentence, or a note that it could not be measured."""
     if not math.isfinite(gain.gain) or gain.episodes == 0:
         return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
-    if gain.extended_mm == gain.nominal_mm:
+    if not is_extended(gain):
         return (
             f"No extended model is used: the refitted one errs by {decimal(gain.nominal_mm, 1)} mm on {gain.episodes} "
             f"held-out episodes, one in which nothing moves by {decimal(gain.still_mm, 1)} mm."

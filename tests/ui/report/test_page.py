@@ -195,8 +195,38 @@ def test_no_model_is_recommended_where_nothing_can_be_named_or_several_causes_ar
     assert any("--model" in said for said in advice(named()))
 
 
+def test_the_command_that_plans_names_the_model_beside_the_report(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", named())
+    assert f"--model {tmp_path / 'model.toml'}" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_is_mostly_unseen_is_said_and_so_are_weak_pairs_that_are_taken_for_one_another() -> None:
+    weak = np.array([[0.02, 0.08, 0.0], [0.01, 0.14, 0.0], [0.0, 0.0, 0.9]])
+    text = page(replace(named(), confused=("table_tilt", "draught", "stribeck"), confusions=weak))
+    assert "Mostly unseen at that size: table tilt, draught." in text
+    assert "Hard to tell apart: draught and table tilt" in text or "Hard to tell apart: table tilt and draught" in text
+    clear = page(replace(named(), confused=("table_tilt", "draught"), confusions=np.diag([0.9, 0.9])))
+    assert "No two of them are often taken for one another." in clear
+    assert "Mostly unseen" not in clear
+
+
+@pytest.mark.parametrize(("apart_mm", "said"), [(9.0, "tells them apart"), (1.2, "about 19 such pushes")])
+def test_a_next_push_says_whether_one_is_enough(apart_mm: float, said: str) -> None:
+    case = a_set()
+    assert case.next_push is not None
+    push = replace(case.next_push, apart_mm=apart_mm)
+    assert said in page(replace(case, next_push=push, gain=replace(case.gain, nominal_mm=2.6)))
+
+
+def test_where_no_model_was_extended_none_is_drawn() -> None:
+    same = replace(named(), gain=replace(named().gain, extended_mm=named().gain.nominal_mm))
+    assert "mm with the extended one" in page(named())
+    assert "mm with the extended one" not in page(same)
+    assert "The extended model is better in" not in page(same)
+
+
 @pytest.mark.parametrize(
-    ("probability", "said"), [(0.4, "nothing"), (0.7, "cannot tell whether"), (0.95, "cannot tell what")]
+    ("probability", "said"), [(0.4, "nothing"), (0.7, "Perhaps something is missing"), (0.95, "cannot tell what")]
 )
 def test_a_verdict_that_names_nothing_says_how_sure_it_is_that_something_is_missing(
     probability: float, said: str
