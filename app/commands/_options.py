@@ -37,7 +37,7 @@ class Options:
     asked: Path | None = None
     """a pushes.json of `dipac probe --recordings`, whose pushes are offered first"""
     planner: str = PAPER
-    """the planner: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
+    """the planner: the paper's tree, dipac, or a baseline; a wrong name lists them"""
     ablation: str | None = None
     """ablation of dipac: no_calibration, no_optimisation, no_planning, no_policy or no_online"""
     goal: Path | None = None

@@ -1,4 +1,4 @@
-"""Planners that are compared: none simulates less than the tree, none but it asks the policy, and CEM finds minima."""
+"""Planners that are compared: each betters its draws, and simulates no less than the tree without a policy."""
 
 import math
 from dataclasses import replace
@@ -53,6 +53,17 @@ def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_tim
         baseline_planner = make_planner(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
         tree = tree_rollouts(sized, preset.gradient_steps)
         assert tree <= simulated(baseline_planner) <= 3 * tree  # A population has a least size, however small the tree.
+
+
+@pytest.mark.parametrize("name", planners())
+def test_a_decision_is_finite_and_better_than_its_first_samples(name: str) -> None:
+    asked = PlanRequest(observed=rope(), goal=rope(0.04, 0.3), phi=PHI)
+    plan = make_planner(Method(planner=name), search(), TASK.descent, 2)(asked)
+    before, after = zip(*((branch.cost_before, branch.cost_after) for branch in plan.branches), strict=True)
+    assert np.isfinite(plan.motion.positions).all()
+    assert min(after) <= np.nanmin(before)
+    assert sum(after) < np.nansum(before)
+    assert plan.branches[plan.best].cost_after == min(after)
 
 
 class Forbidden:

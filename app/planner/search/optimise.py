@@ -15,7 +15,8 @@ from app.planner.search.tree import Rollout
 TreeT = TypeVar("TreeT")
 
 Evaluate = Callable[[Float[Array, "B D A"]], Rollout]
-"""A differentiable simulation of all candidates; the cost of each depends on its own actions alone."""
+"""A differentiable simulation of all candidates, as many as it was made for; the cost of each depends on its own
+actions (in the action space's units) alone. To simulate one more, put it in the place of another."""
 
 
 @final
@@ -59,8 +60,11 @@ class OptimizedRollouts(NamedTuple):
 
 
 Optimise = Callable[[Evaluate, Float[Array, "B D A"], Float32[np.ndarray, " A"]], OptimizedRollouts]
-"""A planner's own way to better the actions of all candidates, in units of the action space's scale; a pure function
-that JAX can compile."""
+"""A planner's own way to better the actions of all candidates, a pure function that JAX can compile.
+
+It is given their simulation, the first actions in the action space's own units, and that space's scale, by which to
+measure a step. The cheapest of what it returns is executed: an average that was not simulated never is. What it draws
+at random is the same in every decision; the first actions are not."""
 
 
 class _Climber(NamedTuple):
