@@ -9,8 +9,8 @@ import numpy as np
 from app.commands._named import Dynamics
 from app.discovery.dataset.model_under_test import ANY_NUMERICS, catalogue
 from app.jobs.discovery_subject import subject_of
-from app.rig.simulated.effect_sampling import known
-from app.tasks import load, named
+from app.rig.simulated.effect_sampling import injectable_effects
+from app.tasks import load, name_with_dynamics
 from bench.hidden.outside import OUTSIDE
 
 World: TypeAlias = Literal["own", "mujoco"]
@@ -97,14 +97,14 @@ def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
 
 def real_size(chosen: Chosen) -> float:
     """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world."""
-    main = known()[chosen.effect].main
+    main = injectable_effects()[chosen.effect].main
     assert main.typical is not None
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
 
 
 def _catalogued(dynamics: Dynamics) -> frozenset[str]:
     """Causes of ropes that are simulated so, without those of our own numerics."""
-    subject = subject_of(load(named("rope_push", dynamics)))
+    subject = subject_of(load(name_with_dynamics("rope_push", dynamics)))
     return frozenset(cause.name for cause in catalogue(subject.rods).causes) - ANY_NUMERICS
 
 
@@ -112,6 +112,6 @@ def _hideable(making: Making) -> frozenset[str]:
     """Effects of MuJoCo's world; where there are no images, those that act on what else is recorded."""
     return frozenset(
         name
-        for name, effect in known().items()
+        for name, effect in injectable_effects().items()
         if making.images or effect.in_world or effect.drive is not None or effect.late_s is not None
     )

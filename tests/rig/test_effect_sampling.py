@@ -5,7 +5,7 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistune
+from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, injectable_effects, mistune
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
 
 
@@ -46,7 +46,7 @@ def test_signs_and_directions_are_drawn_both_ways() -> None:
     tilts = np.array([draw([InjectionRequest("table_tilt", 1.0)], seed)[0].values for seed in range(40)])
     assert drifts == {-1.0, 1.0}
     assert np.abs(tilts.mean(0)).max() < 0.4
-    assert len(known()) > 30
+    assert len(injectable_effects()) > 30
 
 
 def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:

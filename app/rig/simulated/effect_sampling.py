@@ -41,7 +41,7 @@ class InjectionRequest(NamedTuple):
     size: float | None
 
 
-def known() -> dict[str, Hidden]:
+def injectable_effects() -> dict[str, Hidden]:
     """Every injectable effect by name: each file of the folder `hidden`."""
     return {name: module.HIDDEN for name, module in files_of(injected_effects)}
 
@@ -102,7 +102,7 @@ def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
 
 
 def _requested_effects(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
-    files = known()
+    files = injectable_effects()
     names = [request.name for request in requests]
     for request in sorted(requests, key=lambda request: request.name):
         if request.name in IMPOSSIBLE:

@@ -11,7 +11,7 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, known
+from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, injectable_effects
 from app.rig.simulated.injected_effects.base import InjectedEffect, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
@@ -19,7 +19,7 @@ from app.tasks import load
 from tests.rig.hidden.moments import track, world
 from tests.rig.scene import PUSH_Z, ROPE
 
-FILES, MODULES = known(), dict(files_of(injected_effects))
+FILES, MODULES = injectable_effects(), dict(files_of(injected_effects))
 CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
