@@ -7,9 +7,10 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.discovery.dataset.model_under_test import ANY_NUMERICS, catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.jobs.discovery_subject import subject_of
-from app.rig.simulated.effect_sampling import injectable_effects
+from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
+from app.sim.model.numerics import ANY_NUMERICS
 from app.tasks import load, name_with_dynamics
 from bench.hidden.outside import OUTSIDE
 
@@ -21,7 +22,6 @@ NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""
 SIZES = 0.25, 2.0
 """Range of hidden sizes, in typical ones, log-uniform."""
-_GRAINS_AND_LIQUIDS = frozenset({"cohesion", "shear_thinning"})
 
 
 @final
@@ -86,7 +86,7 @@ def drawn(seed: int, number: int, world: World, making: Making = AS_RODS) -> Cas
 def kinds(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """The causes of the solver's catalogue that this world can hide."""
     names = _catalogued(making.dynamics)
-    return tuple(sorted(names - _GRAINS_AND_LIQUIDS if world == "own" else names & _hideable(making)))
+    return tuple(sorted(names - set(not_injectable()) if world == "own" else names & _hideable(making)))
 
 
 @cache

@@ -29,10 +29,11 @@ from app.rig.simulated.push_session import PushSample, PushSession
 from app.rig.simulated.worlds.rope import resample
 from app.sim.model.params import PARAMETERS, with_orientation
 from app.tasks import load
+from bench.hidden.outcome import either_end
 from bench.hidden.ropes import view_of
 
 TASK: Final = "rope_push@rods"
-EFFECTS: Final = ("stiffness_heterogeneity", "mass_heterogeneity", "rest_curvature")
+EFFECTS: Final = either_end()
 _SEEN, _SIZE = 31, 32
 """Streams of random numbers of a seed."""
 

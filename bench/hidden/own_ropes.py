@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from app.core.task_name import recorded_name
 from app.core.types import Cloud
-from app.discovery.dataset.model_under_test import ROD_NUMERICS, RodModel, Subject, catalogue
+from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
@@ -30,6 +30,7 @@ from app.rig.simulated.push_session import lay_out
 from app.rig.simulated.worlds.physics import Centreline
 from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
+from app.sim.model.numerics import ROD_NUMERICS
 from app.sim.model.params import PARAMETERS, acting
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics

@@ -5,11 +5,18 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, injectable_effects, mistune
+from app.rig.simulated.effect_sampling import (
+    MISTUNED,
+    InjectionRequest,
+    draw,
+    injectable_effects,
+    mistune,
+    not_injectable,
+)
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
 
 
-@pytest.mark.parametrize("name", IMPOSSIBLE)
+@pytest.mark.parametrize("name", not_injectable())
 def test_what_this_world_cannot_hide_is_said_with_the_reason_and_what_it_can(name: str) -> None:
     with pytest.raises(UsageError, match=f"{name} cannot be hidden: .*table_tilt"):
         draw([InjectionRequest(name, None)], 0)

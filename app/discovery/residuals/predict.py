@@ -17,11 +17,12 @@ from scipy.spatial import KDTree
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import label_of, label_particles, middles_of
-from app.discovery.dataset.model_under_test import ROD_NUMERICS, Catalogue, Subject, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load, Places
+from app.sim.model.numerics import ROD_NUMERICS
 from app.sim.model.params import PARAMETERS, index
 
 _LEAD_S, _TAIL_S = 0.05, 0.7
