@@ -37,7 +37,7 @@ class KeepOut:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 
-    def entered(self, path: np.ndarray) -> bool:
+    def is_entered_by(self, path: np.ndarray) -> bool:
         """True where the straight lines between `path (W, 3)` enter the box, touching not included.
 
         By slabs (Kay and Kajiya, Ray tracing complex scenes, 1986): a line is inside from the last of the three faces
@@ -113,9 +113,9 @@ class Limits:
         """Constraints for the planner."""
         return Confines(keep_out=self.keep_out, reach=self.reach)
 
-    def trespassed(self, path: np.ndarray) -> KeepOut | None:
+    def entered_volume(self, path: np.ndarray) -> KeepOut | None:
         """The first volume that the straight lines between `path (W, 3)` [m] enter, None where they enter none."""
-        return next((volume for volume in self.keep_out if volume.entered(path)), None)
+        return next((volume for volume in self.keep_out if volume.is_entered_by(path)), None)
 
 
 @final

@@ -62,7 +62,7 @@ def main(
     task, made = load("bean_sweep"), list[Sweep]()
     for seed in seeds:
         goal, model = task.goal(seed, task.preset(preset).particle_count), nominal_model(task.name)
-        method = Method.named(ablation=ablation)
+        method = Method.of(ablation=ablation)
         order = EvaluationConfig(task=task, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
 
         def tell(step: EpisodeStep, seed: int = seed, goal: Points = goal) -> None:

@@ -156,7 +156,7 @@ class OwnWorld:
     def _shown(
         self, rng: np.random.Generator, x: Points, truth: Theta, middle: Float64[np.ndarray, "N 3"] | None
     ) -> Points:
-        shown = self.predictor.seen(x, Eye(np.asarray(CAMERA_M), middle), truth)
+        shown = self.predictor.observe(x, Eye(np.asarray(CAMERA_M), middle), truth)
         return (shown + rng.normal(0, _NOISE_M, shown.shape)).astype(np.float32)
 
     def _table(self, rng: np.random.Generator, truth: Theta) -> Cloud:
@@ -253,8 +253,8 @@ def move_of(
     start_s, height_m = now_s + PAUSE_S, subject.low_m - 0.004
     command = random_track(rng, x, plan, start_s=start_s, height_m=height_m, core_m=core_m)
     load = resisting(command, x, _MOVED_SHARE, subject)
-    told = predictor.told(command, load, truth)
-    true = predictor.carried_out(command, load, truth, lambda _: True)
+    told = predictor.encoder_track(command, load, truth)
+    true = predictor.apply_errors(command, load, truth, lambda _: True)
     view_s = midway_s(command.times_s)
     end_s = float(max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S)
     return Move(command, told, true, view_s, view_s + predictor.late_s(truth), end_s)

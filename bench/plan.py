@@ -40,7 +40,7 @@ def episode(task: Task, preset: str, seed: int, pushes: int, *, calibrating: boo
     goal = task.goal(seed, task.preset(preset).particle_count)
     model, seen = nominal_model(task.name), list[Transition]()
     x, done = table.observe(), list[Push]()
-    while len(done) < pushes and not task.success.reached(x, goal):
+    while len(done) < pushes and not task.success.is_reached(x, goal):
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         found = plan(task.name, preset, x, goal, model, 1000 * seed + len(done))
         wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s

@@ -33,7 +33,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
         frames = cell.look()
         seen.append(frames[camera].color)
         x = reconstruct(frames, task.reconstruction("cpu"), cell.tool).positions
-        if made == task.horizon or task.ended(x, goal, cell.tool):
+        if made == task.horizon or task.has_ended(x, goal, cell.tool):
             return seen
         now = PlanningState.at_rest(jnp.asarray(x)[None], cell.tool)
         action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)

@@ -12,12 +12,12 @@ from app.core.messages import Model
 from app.jobs.worker_api import calibrate, nominal_model
 from app.recording.exchange.model_file import save_model
 from app.recording.read.reader import read_episode, read_transitions
-from app.tasks import load, named
+from app.tasks import load, name_with_dynamics
 
 
 def main(recordings: Positional[tuple[Path, ...]], output: Path = Path("model.toml"), preset: str = "cpu") -> Model:
     """All recordings are of one task; `preset` is that of their clouds' size."""
-    task = load(named(read_episode(recordings[0]).task))
+    task = load(name_with_dynamics(read_episode(recordings[0]).task))
     transitions = [transition for path in recordings for transition in read_transitions(path)]
     model = calibrate(task.name, preset, transitions, nominal_model(task.name))
     for fitted in (*model.parameters, *model.apparatus):

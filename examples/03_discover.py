@@ -12,13 +12,13 @@ from app.discovery.pipeline import discover
 from app.discovery.results.case import Case
 from app.jobs.discovery_subject import doubted_in
 from app.services.study import read_study
-from app.tasks import load, named
+from app.tasks import load, name_with_dynamics
 
 
 def main(recordings: Positional[tuple[Path, ...]]) -> Case:
     """Refit the nominal model, weigh every cause against it, and say what is missing and how sure that is."""
     study = read_study(recordings)
-    doubted = doubted_in(study, load(named(study.task)))
+    doubted = doubted_in(study, load(name_with_dynamics(study.task)))
     case = discover(study, doubted.subject, lambda stage: print(f"  {stage} ..."), doubted.about)
     print(f"{case.verdict}: {' '.join(case.sentences)}")
     for blame in case.ranking[:5]:

@@ -16,7 +16,7 @@ from app.core.types import Points
 from app.evaluation.episode import EpisodeResults, EvaluationConfig, play
 from app.jobs.worker_api import nominal_model
 from app.planner.method import DIPAC
-from app.tasks import add, load, named
+from app.tasks import add, load, name_with_dynamics
 from app.tasks.elements.base import Nodes
 from app.tasks.elements.curves import CurveSampler, fill_tube
 
@@ -49,7 +49,7 @@ TASK = add(replace(load("rope_push"), name="rope_arc", problems=ArcProblems(rope
 
 def main(seed: int = 0, pushes: int = 1) -> EpisodeResults:
     """Play the task with its rope as a rod, as `dipac run` does, but in lock step."""
-    task, model = load(named(TASK.name)), nominal_model(named(TASK.name))
+    task, model = load(name_with_dynamics(TASK.name)), nominal_model(name_with_dynamics(TASK.name))
     played = play(EvaluationConfig(task=task, preset="cpu", seed=seed, method=DIPAC, model=model, actions=pushes))
     print(f"{task.name}: {' -> '.join(f'{millimetres(it):.1f}' for it in played.chamfer_m2)} mm from the goal")
     return played

@@ -23,6 +23,15 @@ ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "
 MAX_MODULES = 15
 ONE_FILE_EACH = {"app/commands", "app/rig/simulated/injected_effects", "app/sim/effects", "app/tasks"}
 """Folders that grow by a file with each command, effect or task."""
+EFFECTS = ("app/discovery/sensor_actuator_errors", "app/rig/simulated/injected_effects", "app/sim/effects")
+HOMONYMS = {"adhesion", "cohesion", "finger_friction", "permanent_set", "rest_curvature", "swirl"}
+"""Effects that are called as a hook, a field of `RodPhysics` or a parameter, which others name."""
+NAMES_EFFECTS = {
+    "app/discovery/checks/direct_checks.py": {"camera_time_offset", "command_delay", "under_reach"},
+    "app/jobs/jit_cache.py": {"tcp_offset"},
+}
+"""Modules that name effects with a reason, whatever other effects there are: three are what the direct checks measure,
+and calibration estimates the offset of the tool."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -118,6 +127,18 @@ def test_the_session_has_its_time_from_its_clock(file):
     calls = (node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call))
     asked = [ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)]
     assert not {"anyio.sleep", "anyio.move_on_after", "time.time", "time.sleep"} & set(asked), "ask the clock"
+
+
+@pytest.mark.parametrize("file", [file for file in MODULES if name(file.parent) not in EFFECTS], ids=name)
+def test_an_effect_is_named_in_its_own_files_alone(file):
+    files = {each.stem for folder in EFFECTS for each in ROOT.glob(f"{folder}/*.py")}
+    effects = files - {"__init__", "base"} - HOMONYMS
+    strings = {node.value for node in ast.walk(tree(file)) if isinstance(node, ast.Constant)}
+    imports = [node for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom)]
+    modules = {node.module.split(".")[-1] for node in imports if node.module} | {
+        alias.name for node in imports for alias in node.names
+    }
+    assert (strings | modules) & effects == NAMES_EFFECTS.get(name(file), set()), "say it in the effect's own file"
 
 
 @pytest.mark.parametrize("file", COMMANDS, ids=name)

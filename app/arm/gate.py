@@ -102,7 +102,7 @@ def _check_place(motion: Motion, limits: Limits) -> None:
 
 def _check_free(path: np.ndarray, limits: Limits, name: str) -> None:
     """Raise MotionRefused where `path (W, 3)` enters a keep-out volume."""
-    volume = limits.trespassed(path)
+    volume = limits.entered_volume(path)
     if volume is not None:
         raise MotionRefused(Refusal.KEEP_OUT, f"{name} enters {volume.name!r}, which is kept free; plan around it.")
 

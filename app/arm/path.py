@@ -32,14 +32,22 @@ def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float6
     if motion.continues:
         points, speeds = np.stack([start, *way]), motion.speeds
     else:
-        points = np.stack([start, raised(start, site), raised(way[0], site), *way, raised(way[-1], site)])
+        points = np.stack(
+            [
+                start,
+                at_travel_height(start, site),
+                at_travel_height(way[0], site),
+                *way,
+                at_travel_height(way[-1], site),
+            ]
+        )
         speeds = np.concatenate([[fast, fast], motion.speeds, [fast]])
     points = _same_sided(points)
     kept = np.linalg.norm(np.diff(points * SCALE, axis=0), axis=1) > _SAME_PLACE_M
     return points[np.concatenate([[True], kept])], speeds[kept]
 
 
-def raised(pose: ToolPose, site: Site) -> ToolPose:
+def at_travel_height(pose: ToolPose, site: Site) -> ToolPose:
     """The pose at the travel height, or at its own height where that is higher."""
     raised = pose.copy()
     raised[2] = max(pose[2], site.travel_height_m)
@@ -53,7 +61,7 @@ def _same_sided(poses: ToolPath) -> ToolPath:
     return np.concatenate([poses[:, :3], turns * np.cumprod([1.0, *flips])[:, None], poses[:, 7:]], axis=1)
 
 
-def whole(pose: ToolPose) -> ToolPose:
+def normalize(pose: ToolPose) -> ToolPose:
     """The pose with its quaternion normalised, as an interpolated one is not of unit length."""
     turn = pose[3:7]
     return np.array([*pose[:3], *(turn / np.linalg.norm(turn)), pose[7]])
@@ -95,7 +103,7 @@ class PathFollower:
         else:
             self._speed = min(self._speed + self._acceleration * duration_s, self._speed_limit(duration_s))
         self._distance = min(self._distance + self._speed * duration_s, self._length)
-        return whole(np.array([np.interp(self._distance, self._at, column) for column in self._points.T]))
+        return normalize(np.array([np.interp(self._distance, self._at, column) for column in self._points.T]))
 
     def _speed_limit(self, duration_s: float) -> float:
         """Highest speed from which the next node's speed can still be met, one tick's travel included."""

@@ -37,7 +37,7 @@ from app.core.system.clock import SystemClock
 from app.core.system.gc_control import spared_collection
 from app.core.system.processes import in_real_time
 from app.core.system.worker import Worker
-from app.core.task_name import TaskName, recorded
+from app.core.task_name import TaskName, recorded_name
 from app.jobs.goals import goal_of
 from app.jobs.probed import probed_subject
 from app.jobs.worker_api import check_model, choose_preset, shown_goal
@@ -107,7 +107,7 @@ class RunOptions:
     @property
     def method(self) -> Method:
         """Planning method. Raises UsageError if it is unknown, or must not have this model."""
-        method = Method.named(self.options.planner, self.options.ablation)
+        method = Method.of(self.options.planner, self.options.ablation)
         if self.model and not method.calibrated:
             raise UsageError(
                 f"--ablation {self.options.ablation} plans without calibration, not with {self.model}; leave one out."
@@ -140,7 +140,7 @@ class EpisodeReport:
     def to_json(self) -> str:
         """The keys that `dipac run --json` promises, and the timings behind the results page."""
         row = asdict(self.summary) | {
-            "task": recorded(self.order.task),
+            "task": recorded_name(self.order.task),
             "dynamics": TaskName.parse(self.order.task).dynamics,
             "planner": self.order.options.planner,
             "ablation": self.order.options.ablation,
@@ -218,11 +218,11 @@ async def _with_corrections(config: EpisodeConfig, order: RunOptions, site: Site
     if order.case:
         own = order.options.model is None
         case: DiscoveryResults = await planner.run(
-            read_case, order.case, recorded(order.task), site, time.monotonic(), own
+            read_case, order.case, recorded_name(order.task), site, time.monotonic(), own
         )
         config = replace(config, verdict=case.verdict, asked=case.asked)
     if order.options.asked:
-        asked = await planner.run(motions_in, order.options.asked, recorded(order.task), order.task, site)
+        asked = await planner.run(motions_in, order.options.asked, recorded_name(order.task), order.task, site)
         config = replace(config, asked=(*asked, *config.asked))
     if config.model is None:
         return config
@@ -324,7 +324,7 @@ def _start(order: RunOptions, preset: str) -> Episode:
     return Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),
-        task=recorded(order.task),
+        task=recorded_name(order.task),
         rig=order.options.rig,
         seed=order.options.seed,
         simulated=load_cell(order.options.rig).simulated,

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
-from app.tasks import load, named
+from app.tasks import load, name_with_dynamics
 from app.tasks.elements.sizes import SIZES
 
 Dynamics: TypeAlias = Literal["rods", "mpm"]
@@ -29,7 +29,7 @@ def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None
         its = TaskName.parse(task_of(model))
         if its.problem == name.problem:
             engine, own = engine or its.dynamics, own or dict(its.sizes)
-    return named(str(TaskName.of(name.problem, own)), engine)
+    return name_with_dynamics(str(TaskName.of(name.problem, own)), engine)
 
 
 def read_sizes(path: Path) -> dict[str, float]:

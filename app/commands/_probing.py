@@ -12,7 +12,7 @@ from app.config import Site
 from app.core.errors import PlanningError, UsageError
 from app.core.geometry.track import Track
 from app.core.messages import Particles
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
@@ -184,6 +184,6 @@ def recommend(task: Task, study: Study, held: Belief, count: int, *, seed: int, 
 
 def believed_of(task: Task, study: Study | None) -> Belief:
     """Belief after a study of a task. Raises UsageError if the study is of another."""
-    if study is not None and study.task != recorded(task.name):
-        raise UsageError(f"The recordings are of {study.task}, not of {recorded(task.name)}; name that task.")
+    if study is not None and study.task != recorded_name(task.name):
+        raise UsageError(f"The recordings are of {study.task}, not of {recorded_name(task.name)}; name that task.")
     return belief(task.name, study)

@@ -91,7 +91,7 @@ async def replan(planner: Worker, timeline: Timeline, order: ReplanRequest, said
     task = load(chosen.task)
     preset = await _preset(planner, task, seen)
     model = _sendable(chosen)
-    method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
+    method = Method.of(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
         method = await to_thread.run_sync(with_policy, method, Path(str(policy)), task.name)
     config = EpisodeConfig(

@@ -17,7 +17,7 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
 from app.jobs.worker_api import calibration, check_model, ends_of_ranges, nominal_model
@@ -47,8 +47,10 @@ def calibrate(
     check_writable(output, "-o")
     named = _task_of(recordings)
     task = load(full_name(named, dynamics=dynamics, model=start))
-    if task.recorded != named:
-        raise UsageError(f"{start} is a model of {task.recorded}, not of the recordings' {named}; start from another.")
+    if task.recorded_name != named:
+        raise UsageError(
+            f"{start} is a model of {task.recorded_name}, not of the recordings' {named}; start from another."
+        )
     paths = _distinct_recordings(recordings)
     transitions = _transitions_of(paths)
     preset = _preset_for(task, transitions)
@@ -70,7 +72,7 @@ def calibrate(
             f"One-step Chamfer distance {MM2 * found.trials[0].loss_m2:.4g} mm^2 at the start, now "
             f"{MM2 * new.loss_m2:.4g} mm^2. "
             f"Written to {output}, how it went to {picture}; use it with "
-            f"`dipac run {shlex.quote(task.recorded)} --model {output}`."
+            f"`dipac run {shlex.quote(task.recorded_name)} --model {output}`."
         ),
         soft_wrap=True,
     )
@@ -84,7 +86,7 @@ def _start_model(path: Path, task: Task) -> Model:
 
 
 def _task_of(recordings: tuple[Path, ...]) -> str:
-    tasks = {path: recorded(read_episode(path).task) for path in recordings}
+    tasks = {path: recorded_name(read_episode(path).task) for path in recordings}
     if len(set(tasks.values())) > 1:
         listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
         raise UsageError(f"The recordings are of different tasks ({listed}); calibrate one task at a time.")

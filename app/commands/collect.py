@@ -60,7 +60,7 @@ def collect(
         raise UsageError(f"--episodes {episodes} must be at least 1, and --seed {seed} at least 0.")
     size = preset if preset != "auto" else choose_preset()
     full = full_name(task, dynamics=dynamics)
-    task = load(full).recorded
+    task = load(full).recorded_name
     load(full).preset(size)
     load(full).demonstrated.stage.in_world(world)
     folder = output or Path("recordings") / task

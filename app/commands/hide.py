@@ -13,7 +13,7 @@ from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Rope, RopeModel
-from app.core.task_name import TaskName, recorded
+from app.core.task_name import TaskName, recorded_name
 from app.policy.random_pushes import PushDesign
 from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
@@ -51,7 +51,7 @@ def hide(
     sealed = truth or output.with_name(f"{output.name}.truth.json")
     _check(seed, episodes, pushes)
     _check_cameras(cameras, depth_noise_mm)
-    known = load(recorded(task))
+    known = load(recorded_name(task))
     physics = mistune(seed, world, _pushed_rope(known))
     hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)

@@ -53,9 +53,9 @@ def import_(
     else:
         notes = _unused_sizes(known, plain)
     count = known.preset("cpu").particle_count
-    _write(output, imported_messages(plain, known.recorded, count, setup))
+    _write(output, imported_messages(plain, known.recorded_name, count, setup))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
-    terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.recorded}.")
+    terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.recorded_name}.")
     for note in notes:
         terminal.print(note)
 

@@ -74,7 +74,7 @@ def _recommend(terminal: Console, task: Task, recordings: Sequence[Path], output
     """Say and write what to push next."""
     make_folder(output, "-o")
     with terminal.status("reading the recordings") as status:
-        study = read_study(recordings, task=task.recorded)
+        study = read_study(recordings, task=task.recorded_name)
         status.update("weighing every cause")
         held = believed_of(task, study)
         terminal.print(_sentence(belief_words(held)), markup=False)
@@ -83,10 +83,10 @@ def _recommend(terminal: Console, task: Task, recordings: Sequence[Path], output
     for number, each in enumerate(probes, 1):
         terminal.print(f"{number}. {each.text}.", markup=False)
     path = output / PUSHES
-    write_pushes(path, task.recorded, probes)
+    write_pushes(path, task.recorded_name, probes)
     terminal.print(
-        f"{path}: make them with `dipac console {task.recorded} --asked {path}`, or in the simulated cell with "
-        f"`dipac probe {task.recorded} --asked {path}`.",
+        f"{path}: make them with `dipac console {task.recorded_name} --asked {path}`, or in the simulated cell with "
+        f"`dipac probe {task.recorded_name} --asked {path}`.",
         markup=False,
     )
 
@@ -103,7 +103,7 @@ def _experiment(
     asked: Path | None,
 ) -> None:
     """Push in the simulated cell until there is a reason to stop, and report."""
-    tracks = read_pushes(asked, task.recorded) if asked else ()
+    tracks = read_pushes(asked, task.recorded_name) if asked else ()
     hidden = draw([wish_of(text) for text in effects], seed)
     sealed = output.with_name(f"{output.name}.truth.json")
     if hidden and sealed.exists():
@@ -113,7 +113,7 @@ def _experiment(
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
     plan = PushDesign(episodes=-(-budget // batch), pushes=batch)
     session = PushRecordingConfig(
-        task=load(task.recorded), plan=plan, physics=mistune(seed), hidden=hidden, seed=seed, folder=output
+        task=load(task.recorded_name), plan=plan, physics=mistune(seed), hidden=hidden, seed=seed, folder=output
     )
 
     def approved(text: str) -> bool:
@@ -133,7 +133,7 @@ def _play(terminal: Console, cell: ProbedCell, task: Task, budget: int) -> None:
     while True:
         cell.play(held, min(cell.session.plan.pushes, budget - held.pushes))
         with terminal.status("weighing every cause"):
-            study = read_study(cell.recordings, task=task.recorded)
+            study = read_study(cell.recordings, task=task.recorded_name)
             held = believed_of(task, study)
         terminal.print(_sentence(belief_words(held)), markup=False)
         stop = stop_of(held, budget)

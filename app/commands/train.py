@@ -16,7 +16,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.commands._version import code_version
 from app.core.errors import SimulationError, UsageError
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.evaluation.learning import draw_learning
 from app.jobs.teaching import examples, lessons, simulator
 from app.jobs.worker_api import check_model, nominal_model
@@ -66,7 +66,7 @@ def train(
     if steps < 1 or batch < 1 or seed < 0:
         raise UsageError(f"--steps {steps} and --batch {batch} must be at least 1, and --seed {seed} at least 0.")
     make_folder(output, "-o")
-    shown = _read_demos(demos, known.recorded)
+    shown = _read_demos(demos, known.recorded_name)
     taught = examples(known, [(each.transitions, each.goals) for each in shown.values()])
     start = load_model(model, task=known.name, time_s=0.0) if model else nominal_model(known.name)
     check_model(start)
@@ -115,7 +115,7 @@ def _read_demos(demos: tuple[Path, ...], task: str) -> dict[Path, Demonstrations
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UsageError(f"Recordings of the same name ({', '.join(twice)}) count once; leave out the others.")
     check_distinct({path: each.digest for path, each in shown.items()})
-    others = {path.name: each.task for path, each in shown.items() if recorded(each.task) != task}
+    others = {path.name: each.task for path, each in shown.items() if recorded_name(each.task) != task}
     if others:
         listed = ", ".join(f"{name}: {other}" for name, other in others.items())
         raise UsageError(f"These recordings are of other tasks than {task} ({listed}); leave them out.")

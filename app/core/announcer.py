@@ -68,7 +68,7 @@ class MessageBus:
         except BaseExceptionGroup as errors:
             raise first_error(errors) from errors
 
-    async def recorded(self) -> None:
+    async def flush(self) -> None:
         """Wait until the recorder has everything published so far."""
         said = self._said
         while self._recorded < said:

@@ -44,7 +44,7 @@ class TaskName:
             raise UsageError(f"{text!r} is no name of a task ({error}); give one such as {form}.") from None
 
     @property
-    def recorded(self) -> str:
+    def recorded_name(self) -> str:
         """The name as recordings have it, without dynamics."""
         return str(replace(self, dynamics="mpm"))
 
@@ -53,6 +53,6 @@ class TaskName:
         return self.problem + (f"({sizes})" if sizes else "") + ("" if self.dynamics == "mpm" else f"@{self.dynamics}")
 
 
-def recorded(task: str) -> str:
+def recorded_name(task: str) -> str:
     """The name that recordings of a task have: without its dynamics."""
-    return TaskName.parse(task).recorded
+    return TaskName.parse(task).recorded_name

@@ -31,9 +31,9 @@ Each takes longer than the one before and errs less. The actions of the first tw
 policy's will; the planner also uses random actions, and decides where descent alone finds no feasible one."""
 EXPERTS: Mapping[Expert, Method] = MappingProxyType(
     {
-        "scripted": Method.named(ablation="no_planning"),
+        "scripted": Method.of(ablation="no_planning"),
         "descended": Method(branching=False),
-        "planned": Method.named(),
+        "planned": Method.of(),
     }
 )
 FIRST_SEED = 1000
@@ -73,7 +73,7 @@ def record(shown: Demonstration, path: Path) -> int:
     episode = Episode(
         id=fresh_id("episode"),
         time_s=begin_s,
-        task=config.task.recorded,
+        task=config.task.recorded_name,
         rig="simulated",
         seed=config.seed,
         simulated=True,

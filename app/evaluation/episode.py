@@ -178,7 +178,7 @@ class _LockStepStages:
     async def observe(self) -> Particles | None:
         """The object as it was seen last; None where it is at the goal, or the actions are used up."""
         played, limit = self.played, self._order.episode.pushes
-        if played.done is None and self._task.ended(self._seen.positions, self._goal, self._cell.tool):
+        if played.done is None and self._task.has_ended(self._seen.positions, self._goal, self._cell.tool):
             played.done = len(played.decision_s)
         at_goal = played.done is not None and not self._order.play_on
         self._over = at_goal or len(played.decision_s) >= limit
@@ -237,7 +237,7 @@ class _LockStepStages:
         played, x = self.played, self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
         played.share.append(self._task.success.share(x, self._goal))
-        played.reached.append(self._task.done(x, self._goal, self._cell.tool))
+        played.reached.append(self._task.is_done(x, self._goal, self._cell.tool))
 
     def _see(self) -> Particles:
         began_s = time.perf_counter()

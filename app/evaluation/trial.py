@@ -31,7 +31,7 @@ GUIDED = "+"
 """Separator of a planner and the kind of learned policy that guides it."""
 POLICIES = Path("policies")
 """Default folder of learned policies."""
-ALONE = replace(Method.named(ablation="no_planning"), calibrated=False)
+ALONE = replace(Method.of(ablation="no_planning"), calibrated=False)
 """A policy's actions as they are."""
 
 
@@ -82,9 +82,9 @@ class Trial:
         """Planning method. Raises UsageError for a planner, an ablation or a policy that does not exist."""
         planner, _, kind = self.planner.rpartition(GUIDED)
         if not planner and kind not in kinds.names():
-            return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)
+            return Method.of(self.planner, None if self.ablation == WHOLE else self.ablation)
         policy = _policy(self.policies or POLICIES, self.task, kind)
-        return replace(Method.named(planner) if planner else ALONE, policy=policy)
+        return replace(Method.of(planner) if planner else ALONE, policy=policy)
 
 
 def playable() -> list[str]:

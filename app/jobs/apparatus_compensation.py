@@ -48,19 +48,19 @@ class Correction:
         centreline after it, and the one it is `near`, are in the true frame.
         """
         command = partial(self.command, site=request.site)
-        found = planner(replace(request, observed=self.unseen(request.observed), command=command))
+        found = planner(replace(request, observed=self.unproject(request.observed), command=command))
         branches = tuple(self._observed_branch(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
-    def unseen(self, points: Points) -> Points:
+    def unproject(self, points: Points) -> Points:
         """True position of the object that cameras observe here [m]."""
-        return self.predictor.unseen(points, self._eye(points), self.theta)
+        return self.predictor.unproject(points, self._eye(points), self.theta)
 
-    def seen(self, points: Points) -> Points:
+    def observe(self, points: Points) -> Points:
         """Observed position of the object that truly is here [m]; non-finite as the input is."""
         if not np.isfinite(points).all():
             return points
-        return self.predictor.seen(points, self._eye(points), self.theta)
+        return self.predictor.observe(points, self._eye(points), self.theta)
 
     def command(self, motion: Motion, before: Points, after: Points, site: Site) -> Motion:
         """Command to the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
@@ -71,27 +71,29 @@ class Correction:
         felt = self._drag_load(motion, before, after)
         told = motion.positions
         for _ in range(_ROUNDS):
-            told = told + motion.positions - self.made(told, felt)
+            told = told + motion.positions - self.executed_path(told, felt)
         told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
         return Motion(positions=told, speeds=motion.speeds)
 
-    def made(self, told: Path3, felt: Load) -> Path3:
+    def executed_path(self, told: Path3, felt: Load) -> Path3:
         """Path of the tip [m] of an arm that is commanded this one, slowly, against these forces."""
         track = _track(told, _PAUSE_S * np.arange(len(told)))
-        return self.predictor.carried_out(track, felt, self.theta, lambda _: True).positions
+        return self.predictor.apply_errors(track, felt, self.theta, lambda _: True).positions
 
     def transition(self, seen: Transition) -> Transition:
         """The true transition: positions of the object, and the tip's path in place of the measured one."""
-        before, after = self.unseen(seen.before), self.unseen(seen.after)
+        before, after = self.unproject(seen.before), self.unproject(seen.after)
         executed, measured = seen.executed, len(seen.executed.measured) > 0
         track = Track(times_s=executed.times_s, poses=executed.made)
         felt = dragging(track, before, after, self.predictor.subject)
-        made = self.predictor.carried_out(track, felt, self.theta, lambda effect: not (effect.told and measured))
+        made = self.predictor.apply_errors(track, felt, self.theta, lambda effect: not (effect.told and measured))
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
 
     def _observed_branch(self, branch: Branch) -> Branch:
-        frames = np.stack([self.seen(each) for each in branch.frames]) if len(branch.frames) else branch.frames
-        return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
+        frames = np.stack([self.observe(each) for each in branch.frames]) if len(branch.frames) else branch.frames
+        return replace(
+            branch, predicted=self.observe(branch.predicted), final=self.observe(branch.final), frames=frames
+        )
 
     def _eye(self, points: Points) -> Eye:
         return Eye(self.camera_m, label_particles([points], self.predictor.subject.rods)[1][0].astype(np.float64))

@@ -61,7 +61,7 @@ def edited_plan(
     search = jit_cache.search(task, preset, jit_cache.phi_of(model), where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     allowed_for = correction(model) if model.apparatus else None
-    x = allowed_for.unseen(observed) if allowed_for else observed
+    x = allowed_for.unproject(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(observed=observed, goal=goal, phi=phi, site=where, near=near)
     found = allowed_for.plan(planner, request) if allowed_for else planner(request)

@@ -8,9 +8,10 @@ from jaxtyping import Float64
 
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
-from app.discovery.dataset.model_under_test import ANY_NUMERICS, Catalogue, Theta, catalogue
+from app.discovery.dataset.model_under_test import Catalogue, Theta, catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.jobs.jit_cache import nominal_model
+from app.sim.model.numerics import ANY_NUMERICS
 from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validate
 from app.sim.parameter import ParameterSpec
 from app.tasks import load

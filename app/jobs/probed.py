@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from app.arm.gate import check_motion, way
-from app.arm.path import raised
+from app.arm.path import at_travel_height
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
 from app.core.geometry.scene_description import Rope
@@ -114,7 +114,7 @@ def belief_after(task: str, made: Sequence[Push], budget: int) -> Weighed:
     data = load(task)
     count = probed_subject(data).particle_count
     pushes = tuple(_resample(push, count) for push in made)
-    held = belief(task, Study(task=data.recorded, pushes=pushes) if pushes else None)
+    held = belief(task, Study(task=data.recorded_name, pushes=pushes) if pushes else None)
     stop, words = stop_of(held, budget), belief_words(held)
     over = "" if stop is None else stop_words(held, stop)
     return Weighed(belief=pickle.dumps(held), text=f"{words[0].upper()}{words[1:]}.", over=over)
@@ -169,7 +169,7 @@ def scene(
     from app.discovery.experiments.probe_pushes import PushSituation
 
     return PushSituation(
-        task=task.recorded,
+        task=task.recorded_name,
         seen=seen,
         episode=episode,
         made=tuple(made),
@@ -194,7 +194,7 @@ def refusal(motion: Motion, site: Site) -> str:
     """Why the arm's own process would not make a motion that begins above its first position; empty where it would."""
     try:
         check_motion(motion, motion.digest(), site)
-        way(raised(np.asarray(motion.poses[0]), site), motion, site)
+        way(at_travel_height(np.asarray(motion.poses[0]), site), motion, site)
     except MotionRefused as refused:
         return str(refused)
     return ""

@@ -83,7 +83,7 @@ def plan_of_suggestion(
     data, where = load(task), site or Site()
     subject_of(data)  # Says so where the task has no pushes.
     allowed_for = correction(model) if model.apparatus else None
-    x = allowed_for.unseen(observed) if allowed_for else observed
+    x = allowed_for.unproject(observed) if allowed_for else observed
     made = aim_at(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
     simulate = jax.jit(jit_cache.action_simulator(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
@@ -96,7 +96,7 @@ def plan_of_suggestion(
     motion = allowed_for.command(made, x, predicted, where) if allowed_for else made
     if not where.limits.workspace.contains(motion.positions):
         raise PlanningError("what the arm would have to be told leaves the workspace; planning as usual.")
-    shown = allowed_for.seen(predicted) if allowed_for else predicted
+    shown = allowed_for.observe(predicted) if allowed_for else predicted
     branch = Branch(
         origin="asked",
         actions=path[None, :, :2].reshape(1, -1),

@@ -64,7 +64,7 @@ def plan(
 
     where, allowed_for = site or Site(), _correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
-    x = allowed_for.unseen(observed) if allowed_for else observed
+    x = allowed_for.unproject(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(
         observed=observed, goal=goal, phi=phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near
@@ -222,7 +222,7 @@ def planner_needs(model: Model) -> tuple[str, ...]:
 def shown_goal(goal: Points, model: Model) -> Points:
     """The goal (M, 3) [m] in the frame of the cameras: their view of an object that is there."""
     allowed_for = _correction_of(model)
-    return allowed_for.seen(goal) if allowed_for else goal
+    return allowed_for.observe(goal) if allowed_for else goal
 
 
 def _correction_of(model: Model) -> Correction | None:

@@ -70,7 +70,7 @@ class Method:
         return not (self.branching or self.descending)
 
     @classmethod
-    def named(cls, planner: str = PAPER, ablation: str | None = None) -> Self:
+    def of(cls, planner: str = PAPER, ablation: str | None = None) -> Self:
         """The method of these names. Raises UsageError with the known ones, and for an ablation that is not of it."""
         if ablation is None:
             return cls(planner=planner)

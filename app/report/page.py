@@ -19,7 +19,7 @@ from app.report.sections.examples import examples
 from app.report.sections.frames import frames
 from app.report.sections.gains import gains
 from app.report.sections.masthead import masthead, scope
-from app.report.sections.model import saved_model, spent
+from app.report.sections.model import saved_model, stage_times
 from app.report.sections.next_push import next_push
 from app.report.sections.powers import powers
 from app.report.sections.verdict import headline
@@ -36,7 +36,7 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("powers", "What would be visible", "How large a cause has to be to show in these data.", powers),
     ("next", "The next push", "Which push would tell most?", next_push),
     ("model", "The saved model", "What a planner loads.", saved_model),
-    ("spent", "Time spent", "Where the time of this analysis went.", spent),
+    ("spent", "Time spent", "Where the time of this analysis went.", stage_times),
 )
 """Sections of the page in the order of reading: anchor, title, question, and its answer."""
 

@@ -13,7 +13,7 @@ from app.core.errors import RecordingError, UsageError
 from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
@@ -150,8 +150,8 @@ def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -
 
 
 def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
-    tasks = {each.path: recorded(each.episode.task) for each in episodes}
-    names = {recorded(each.episode.task) for each in episodes}
+    tasks = {each.path: recorded_name(each.episode.task) for each in episodes}
+    names = {recorded_name(each.episode.task) for each in episodes}
     listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
     if len(names) > 1:
         raise UsageError(

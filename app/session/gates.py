@@ -116,7 +116,7 @@ class Preflight:
         if not limits.workspace.contains(tip):
             x, y, z = 1e3 * tip[0]
             return f"it is at x {x:.0f} y {y:.0f} z {z:.0f} mm: move it in with the arm's own controls"
-        volume = limits.trespassed(tip)
+        volume = limits.entered_volume(tip)
         return f"it is in {volume.name!r}: move it out with the arm's own controls" if volume else ""
 
     def _cameras(self) -> str:

@@ -176,9 +176,9 @@ class Sensing:
             self._remembered_s = _newest_s(frames)
         except PerceptionError:
             looks = await self.perceiver.run(diagnose_views, frames, how, known)
-            self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))
+            self._announcer.say(segmentation_message(frames, looks, how, now_s=self._clock.now()))
             raise
-        self._announcer.say(seen(frames, found.looks, how, now_s=self._clock.now()))
+        self._announcer.say(segmentation_message(frames, found.looks, how, now_s=self._clock.now()))
         self._remember(found, how)
         return found
 
@@ -198,7 +198,7 @@ class Sensing:
         if hides and not self._hid:
             self._gave_up = False
         if found.expired and not self._gave_up:
-            self._announcer.notice("perception", forgotten(how))
+            self._announcer.notice("perception", lost_part_notice(how))
             self._gave_up = True
         self._hid = hides
 
@@ -207,7 +207,7 @@ def _newest_s(frames: Sequence[Frame]) -> float:
     return max(frame.time_s for frame in frames)
 
 
-def forgotten(how: Reconstruction) -> str:
+def lost_part_notice(how: Reconstruction) -> str:
     """Text of the notice that a part of the object has been hidden for too long."""
     return (
         f"A part of the object has been hidden from all cameras for {how.hidden_s:.0f} s; nobody knows whether it is "
@@ -238,7 +238,9 @@ def credible(found: Reconstructed, how: Reconstruction) -> Reconstructed:
     )
 
 
-def seen(frames: Sequence[Frame], looks: Sequence[ViewDiagnostics], how: Reconstruction, *, now_s: float) -> Seen:
+def segmentation_message(
+    frames: Sequence[Frame], looks: Sequence[ViewDiagnostics], how: Reconstruction, *, now_s: float
+) -> Seen:
     """Message about the frames as segmented with these settings."""
     return Seen(
         id=fresh_id("seen"),

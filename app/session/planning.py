@@ -185,7 +185,7 @@ class Planning:
                 )
             except DipacError as error:
                 self._announcer.fault("orientation", error)
-            if self._orientation.known and not before.known:
+            if self._orientation.is_known and not before.is_known:
                 self._announcer.notice("orientation", _orientation_text(self._orientation), transition.id)
 
     async def _doubt(self, config: EpisodeConfig, x: Points) -> None:

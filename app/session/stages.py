@@ -62,7 +62,7 @@ class SessionStages:
         if self._store.state.interruptions != asked:  # As they are with the mode.
             return None
         state, summary, active = self._store.state, parts.summary, parts.probing.active
-        summary.reached = state.config.reached(observed, parts.rig.arm.tool()) and not active
+        summary.reached = state.config.is_reached(observed, parts.rig.arm.tool()) and not active
         seen = Observation(summary.reached, summary.pushes, active, parts.probing.conclusion())
         return observed if self._store.dispatch(seen).interruptions == asked else None
 

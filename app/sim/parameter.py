@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass, replace
 from math import exp, log
-from typing import Final, Literal, Self, final
+from typing import Final, Literal, Self, TypeAlias, final
 
 _AT_END: Final = 1e-3
+
+NullPrior: TypeAlias = tuple[float, float]
+"""Mean and standard deviation, in typical values, of what a parameter seems to have where its effect is absent."""
 
 
 @final
@@ -15,7 +18,8 @@ class ParameterSpec:
     `nominal` is the value of the nominal model; for a parameter of an effect it is the null value, at which the effect
     vanishes. `scale` says in which coordinate steps are even: "log" for positive quantities known to a factor.
     `about` is one sentence for people. `typical` is a value as it is met where the effect is present; what only says
-    where or how an effect acts has none. `scaling`: see `real`.
+    where or how an effect acts has none. `scaling`: see `real`. `null_prior`: discovery's, as the simulation is not the
+    world even if no effect is missing in it; None: that of its family. `rod_null_prior`: the same for ropes as rods.
     """
 
     name: str
@@ -27,6 +31,8 @@ class ParameterSpec:
     about: str
     typical: float | None = None
     scaling: tuple[int, int] = (0, 0)
+    null_prior: NullPrior | None = None
+    rod_null_prior: NullPrior | None = None
 
     def __post_init__(self) -> None:
         if not self.low <= self.nominal <= self.high:

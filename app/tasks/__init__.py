@@ -11,7 +11,7 @@ from app.core.task_name import TaskName
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.sizes import resize
 
-__all__ = ["Preset", "Task", "add", "load", "named", "names"]
+__all__ = ["Preset", "Task", "add", "load", "name_with_dynamics", "names"]
 
 _ADDED: dict[str, Task] = {}
 """Tasks of the program that uses this package, besides the files of the folder."""
@@ -47,7 +47,7 @@ def load(name: str) -> Task:
     return task if str(wanted) == task.name else _other(wanted)
 
 
-def named(task: str, dynamics: str | None = None) -> str:
+def name_with_dynamics(task: str, dynamics: str | None = None) -> str:
     """The full name of `task` with these dynamics instead of any that it says, and with its own where None are given.
 
     Raises UsageError where it has no such dynamics.

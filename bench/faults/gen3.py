@@ -46,13 +46,13 @@ class Wire:
         places = states["tool"][states["time_s"] >= since_s, :3, 3]
         box, beyond = self._limits.workspace, np.full(3, _BEYOND_M)
         inside = (places >= box.low - beyond).all() and (places <= box.high + beyond).all()
-        return bool(inside) and self._limits.trespassed(places) is None and all(map(self._allowed, told))
+        return bool(inside) and self._limits.entered_volume(places) is None and all(map(self._allowed, told))
 
     def _allowed(self, told: dict[str, Any]) -> bool:
         limits, positions = self._limits, np.array(told["positions"], np.float32).reshape(-1, 3)
         slow = told["linear_m_s"] <= limits.speed_m_s * _ROUNDED
         gentle = told["angular_deg_s"] <= np.degrees(limits.angular_speed_rad_s) * _ROUNDED
-        free = len(positions) == 0 or limits.trespassed(positions) is None
+        free = len(positions) == 0 or limits.entered_volume(positions) is None
         low, high = (np.array(each, np.float32) for each in (limits.workspace.low, limits.workspace.high))
         return bool(slow and gentle and free and (positions >= low).all() and (positions <= high).all())
 

@@ -175,7 +175,7 @@ def _let_go(one: Driven) -> bool:
 
 def _within(states: Any) -> bool:
     limits: Limits = site(Path()).limits
-    return kept(states, limits) and limits.trespassed(states["commanded"][:, :3]) is None
+    return kept(states, limits) and limits.entered_volume(states["commanded"][:, :3]) is None
 
 
 def _said(one: Driven, since_s: float) -> str:

@@ -33,7 +33,7 @@ from app.discovery.inference.decide import (
     NAMED,
     further_suspects,
     is_sized,
-    refitted,
+    refit_cause,
     with_further,
 )
 from app.discovery.inference.held_out import held_out_gain, held_out_gain_of_linear
@@ -47,7 +47,7 @@ from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.effect_sampling import injectable_effects
 from app.tasks import load
 from bench.hidden.draws import Chosen, kinds, outsiders
 from bench.hidden.own_ropes import OwnRope
@@ -100,7 +100,9 @@ def _hideable(world: World) -> tuple[Sequence[str], Sequence[str]]:
     """Effects that a world without images can hide: those of the catalogue, and others."""
     if world == "own":
         return kinds("own"), outsiders("own")
-    hideable = {name: effect for name, effect in known().items() if effect.in_world or effect.drive is not None}
+    hideable = {
+        name: effect for name, effect in injectable_effects().items() if effect.in_world or effect.drive is not None
+    }
     if world == "cable":
         hideable = {name: effect for name, effect in hideable.items() if not effect.in_world}
     inside = sorted(name for name, effect in hideable.items() if effect.catalogued)
@@ -118,7 +120,7 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
     causes, table = features(screening)
     probabilities, _ = calibration().probabilities(screening)
     likeliest = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])[:refits]
-    models = {suspect.cause: refitted(predictor, trials, screening, suspect) for suspect in likeliest}
+    models = {suspect.cause: refit_cause(predictor, trials, screening, suspect) for suspect in likeliest}
     nothing = refine(predictor, trials, screening, ()) if refits else None
     return {
         "world": world,

@@ -7,10 +7,11 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.discovery.dataset.model_under_test import ANY_NUMERICS, catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.jobs.discovery_subject import subject_of
-from app.rig.simulated.effect_sampling import known
-from app.tasks import load, named
+from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
+from app.sim.model.numerics import ANY_NUMERICS
+from app.tasks import load, name_with_dynamics
 from bench.hidden.outside import OUTSIDE
 
 World: TypeAlias = Literal["own", "mujoco"]
@@ -21,7 +22,6 @@ NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""
 SIZES = 0.25, 2.0
 """Range of hidden sizes, in typical ones, log-uniform."""
-_GRAINS_AND_LIQUIDS = frozenset({"cohesion", "shear_thinning"})
 
 
 @final
@@ -86,7 +86,7 @@ def drawn(seed: int, number: int, world: World, making: Making = AS_RODS) -> Cas
 def kinds(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """The causes of the solver's catalogue that this world can hide."""
     names = _catalogued(making.dynamics)
-    return tuple(sorted(names - _GRAINS_AND_LIQUIDS if world == "own" else names & _hideable(making)))
+    return tuple(sorted(names - set(not_injectable()) if world == "own" else names & _hideable(making)))
 
 
 @cache
@@ -97,14 +97,14 @@ def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
 
 def real_size(chosen: Chosen) -> float:
     """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world."""
-    main = known()[chosen.effect].main
+    main = injectable_effects()[chosen.effect].main
     assert main.typical is not None
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
 
 
 def _catalogued(dynamics: Dynamics) -> frozenset[str]:
     """Causes of ropes that are simulated so, without those of our own numerics."""
-    subject = subject_of(load(named("rope_push", dynamics)))
+    subject = subject_of(load(name_with_dynamics("rope_push", dynamics)))
     return frozenset(cause.name for cause in catalogue(subject.rods).causes) - ANY_NUMERICS
 
 
@@ -112,6 +112,6 @@ def _hideable(making: Making) -> frozenset[str]:
     """Effects of MuJoCo's world; where there are no images, those that act on what else is recorded."""
     return frozenset(
         name
-        for name, effect in known().items()
+        for name, effect in injectable_effects().items()
         if making.images or effect.in_world or effect.drive is not None or effect.late_s is not None
     )

@@ -24,15 +24,16 @@ from app.jobs import jit_cache
 from app.jobs.rope_orientation import oriented_phi
 from app.jobs.worker_api import nominal_model, track_orientation
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, known, mistune
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, mistune
 from app.rig.simulated.push_session import PushSample, PushSession
 from app.rig.simulated.worlds.rope import resample
 from app.sim.model.params import PARAMETERS, with_orientation
 from app.tasks import load
+from bench.hidden.outcome import either_end
 from bench.hidden.ropes import view_of
 
 TASK: Final = "rope_push@rods"
-EFFECTS: Final = ("stiffness_heterogeneity", "mass_heterogeneity", "rest_curvature")
+EFFECTS: Final = either_end()
 _SEEN, _SIZE = 31, 32
 """Streams of random numbers of a seed."""
 
@@ -60,7 +61,7 @@ class PredictedPush:
 def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterator[PredictedPush]:
     """An episode of random pushes in one world; `size` in typical ones."""
     task, rng = load(TASK), np.random.default_rng([seed, _SEEN])
-    hidden = draw([InjectionRequest(effect, size * float(known()[effect].main.typical or 0.0))], seed)
+    hidden = draw([InjectionRequest(effect, size * float(injectable_effects()[effect].main.typical or 0.0))], seed)
     session = PushSession(task, PushDesign(episodes=1, pushes=pushes), mistune(seed, rope=task.rope), hidden, seed)
     nominal = nominal_model(TASK)
     names = [quantity.name for quantity in hidden[0].effect.quantities]

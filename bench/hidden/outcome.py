@@ -6,7 +6,11 @@ Pure: computed from the truth and `verdict.json` in a line of results.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, final
+
+from app.sim.effects.base import Effect
+from app.sim.model.catalogue import discover
 
 SENSING = "sensing"
 ACTUATION = "actuation"
@@ -19,21 +23,8 @@ NOTHING = "nothing"
 CLASSES = (SENSING, ACTUATION, CONTACT, MATERIAL, TIME, NUMERICS, OUTSIDE, NOTHING)
 """Classes of causes, as the catalogue of discovery groups them."""
 
-_MATERIAL = frozenset(
-    {
-        "stiffness_heterogeneity",
-        "mass_heterogeneity",
-        "rest_curvature",
-        "kelvin_voigt",
-        "maxwell",
-        "plastic_yield",
-        "cohesion",
-        "shear_thinning",
-    }
-)
-_TIME = frozenset({"friction_drift", "abrupt_change"})
-_EITHER_END = frozenset({"mass_heterogeneity", "stiffness_heterogeneity", "rest_curvature"})
-"""Effects along the object, whose ends cannot be told apart: their signs have no meaning."""
+_OF_MATTER = ("stiffness", "mass", "rest", "viscosity", "kept", "cohesion")
+"""Hooks of effects on what the object is made of."""
 
 
 @final
@@ -145,9 +136,22 @@ def category_of(effect: str, family: str, *, catalogued: bool = True) -> str:
         return OUTSIDE
     if family != "physics":
         return family
-    if effect in _MATERIAL:
-        return MATERIAL
-    return TIME if effect in _TIME else CONTACT
+    known = _effects().get(effect)
+    if known is None:
+        return CONTACT
+    if any("session" in spec.unit for spec in known.parameters):
+        return TIME
+    return MATERIAL if any(getattr(known, hook) is not None for hook in _OF_MATTER) else CONTACT
+
+
+def either_end() -> tuple[str, ...]:
+    """Effects along the object, whose ends cannot be told apart: their signs have no meaning."""
+    return tuple(name for name, effect in _effects().items() if effect.odd)
+
+
+@cache
+def _effects() -> dict[str, Effect]:
+    return discover()
 
 
 def size_of(parameters: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
@@ -166,7 +170,7 @@ def size_of(parameters: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
 def away(truth: Truth, size: float) -> float:
     """Distance of an estimate from the null, positive on the truth's side; unsigned if the sign has no meaning."""
     gone = size - truth.null
-    return abs(gone) if truth.effect in _EITHER_END else math.copysign(1.0, truth.size - truth.null) * gone
+    return abs(gone) if truth.effect in either_end() else math.copysign(1.0, truth.size - truth.null) * gone
 
 
 def _truth(told: Mapping[str, Any], typical: float) -> Truth:

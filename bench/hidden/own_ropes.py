@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.core.types import Cloud
-from app.discovery.dataset.model_under_test import ROD_NUMERICS, RodModel, Subject, catalogue
+from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
@@ -30,6 +30,7 @@ from app.rig.simulated.push_session import lay_out
 from app.rig.simulated.worlds.physics import Centreline
 from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
+from app.sim.model.numerics import ROD_NUMERICS
 from app.sim.model.params import PARAMETERS, acting
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
@@ -106,7 +107,7 @@ class OwnRope:
         predictor = Predictor(self.subject, catalogue(self.subject.rods))
         pushes = tuple(self._pushes(predictor, rng))
         tables = {each.episode: self._shown(predictor, bare_table(rng), None) for each in pushes}
-        return Study(task=recorded(self.task.name), pushes=pushes, tables=tables, camera=CAMERA_M)
+        return Study(task=recorded_name(self.task.name), pushes=pushes, tables=tables, camera=CAMERA_M)
 
     def _pushes(self, predictor: Predictor, rng: np.random.Generator) -> Iterator[Push]:
         starts = np.random.default_rng([self.seed, _STARTS]).integers(2**31, size=self.plan.episodes).tolist()
@@ -152,7 +153,7 @@ class OwnRope:
         if line is not None:
             fine = resample(line, 8 * len(line))
             middle = fine[np.asarray(KDTree(fine).query(points)[1])]
-        return predictor.seen(points, Eye(np.asarray(CAMERA_M), middle), self.world.theta)
+        return predictor.observe(points, Eye(np.asarray(CAMERA_M), middle), self.world.theta)
 
 
 def _paths(move: Move, step_s: float) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, "S 3"]]:

@@ -65,7 +65,7 @@ class Bench:
 
     def seen(self, x: Points) -> Points:
         """Object as its cameras observe it."""
-        return self.predictor.seen(x, _eye(x), self.truth)
+        return self.predictor.observe(x, _eye(x), self.truth)
 
     def after(self, x: Points, motion: Motion, *, obeyed: bool = False) -> Points:
         """Object after the arm is given this motion; `obeyed`: by an arm and cameras without error."""
@@ -89,7 +89,7 @@ class Bench:
             trials = prepare(study, self.predictor.subject)
             world = replace(self.predictor.subject, scene=finer(self.predictor.subject.scene))
             end = self.predictor(trials, [theta], subject=world).after[0, 0]
-        return end if obeyed else self.predictor.unseen(end, _eye(x), self.truth).astype(np.float32)
+        return end if obeyed else self.predictor.unproject(end, _eye(x), self.truth).astype(np.float32)
 
 
 def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:

@@ -33,7 +33,7 @@ from app.evaluation.results_log import lines
 from app.jobs.discovery_subject import subject_of
 from app.jobs.probed import belief, next_probe
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.effect_sampling import injectable_effects
 from app.tasks import load
 from bench.hidden.draws import Chosen
 from bench.hidden.ropes import RopeCase, bare_table, push_of, view_of
@@ -54,7 +54,7 @@ _RESAMPLED: Final = 2000
 def drawn(seed: int, number: int, *, pushes: int, batch: int) -> RopeCase:
     """The world of that number; the same whatever others are drawn."""
     rng = np.random.default_rng([seed, number])
-    hideable = {name for name, each in known().items() if each.in_world or each.drive is not None}
+    hideable = {name for name, each in injectable_effects().items() if each.in_world or each.drive is not None}
     causes = {cause.name for cause in catalogue(subject_of(load(_TASK)).rods).causes}
     name, size = str(rng.choice(sorted(hideable & causes))), float(np.exp(rng.uniform(*np.log(SIZES))))
     hidden = () if rng.uniform() < NONE else (Chosen(effect=name, size=size),)
@@ -83,7 +83,7 @@ def played(case: RopeCase, by: By) -> list[dict[str, Any]]:
                 else:
                     command, held = probe.track, held.expecting(probe.information)
             pushes.append(push_of(task, seen, session.push(command), rng))
-        held = belief(task.name, Study(task=task.recorded, pushes=tuple(pushes), tables=tables))
+        held = belief(task.name, Study(task=task.recorded_name, pushes=tuple(pushes), tables=tables))
         told.append(_told(held, case))
         if is_named(held):
             break
@@ -190,7 +190,7 @@ def _named(line: Mapping[str, Any]) -> bool | None:
 
 def _rank(line: Mapping[str, Any]) -> int:
     """Rank of the truth at the end."""
-    return line["told"][-1]["rank"] or len(known())
+    return line["told"][-1]["rank"] or len(injectable_effects())
 
 
 def _to_name(line: Mapping[str, Any], beyond: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.scene_description import RopeModel
-from app.core.task_name import recorded
+from app.core.task_name import recorded_name
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
@@ -101,7 +101,9 @@ class RopeCase:
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
         scale = self.noise_m / USUAL_NOISE_M
         pushes = tuple(_pushes(task, takes, rng, scale))
-        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes})
+        return Study(
+            task=recorded_name(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes}
+        )
 
 
 def _pushes(task: Task, takes: Iterable[PushSample], rng: np.random.Generator, scale: float) -> Iterator[Push]:

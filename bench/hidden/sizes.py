@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.tasks import named
+from app.tasks import name_with_dynamics
 
 RADIUS_M: Final = 0.004, 0.010
 LENGTH_M: Final = 0.25, 0.60
@@ -41,7 +41,7 @@ def drawn_sizes(seed: int, *, flat: float = 0.0) -> dict[str, float]:
 def drawn_task(seed: int, dynamics: Dynamics, *, flat: float = 0.0) -> str:
     """The full name of the task of a drawn rope and finger."""
     sizes = ",".join(f"{name}={value:.5g}" for name, value in drawn_sizes(seed, flat=flat).items())
-    return named(f"rope_push({sizes})", dynamics)
+    return name_with_dynamics(f"rope_push({sizes})", dynamics)
 
 
 def drawn_cameras(seed: int) -> tuple[int, float]:

@@ -193,7 +193,7 @@ def test_a_command_that_passes_is_made_within_all_limits() -> None:
             arm.advance(TICK_S)
             assert BOX.contains(arm.commanded[:3])
             assert np.linalg.norm(arm.commanded[:3] - before[:3]) <= SITE.limits.speed_m_s * TICK_S * (1 + 1e-6)
-            assert SITE.limits.trespassed(np.stack([before, arm.commanded])[:, :3]) is None
+            assert SITE.limits.entered_volume(np.stack([before, arm.commanded])[:, :3]) is None
             before = arm.commanded
             if arm.mode == "idle":
                 break
@@ -257,7 +257,7 @@ def test_other_numbers_than_the_approved_ones_are_refused() -> None:
 def test_a_line_that_touches_a_volume_does_not_enter_it() -> None:
     volume = KeepOut(name="cube", low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0))
     along_a_face = np.array([[-1.0, 0.5, 1.0], [2.0, 0.5, 1.0]])
-    assert not volume.entered(along_a_face)
-    assert volume.entered(along_a_face - [0.0, 0.0, 1e-9])
-    assert volume.entered(np.array([[0.5, 0.5, 0.5]]))
-    assert not volume.entered(np.array([[-0.1, 0.5, 0.5], [-1e-9, 0.5, 0.5]]))
+    assert not volume.is_entered_by(along_a_face)
+    assert volume.is_entered_by(along_a_face - [0.0, 0.0, 1e-9])
+    assert volume.is_entered_by(np.array([[0.5, 0.5, 0.5]]))
+    assert not volume.is_entered_by(np.array([[-0.1, 0.5, 0.5], [-1e-9, 0.5, 0.5]]))

@@ -72,7 +72,7 @@ def test_whatever_is_jogged_the_tool_stays_in_its_box_out_of_what_is_kept_free_a
     volumes: tuple[KeepOut, ...],
 ) -> None:
     limits = dataclasses.replace(LIMITS, keep_out=volumes)
-    assume(limits.trespassed(np.array([place])) is None)
+    assume(limits.entered_volume(np.array([place])) is None)
     tool = Jogging(pointing_down(np.array(place)), limits)
     at, velocity, turning = pointing_down(np.array(place)), np.zeros(3), np.zeros(3)
     for jog, durations in told:
@@ -84,7 +84,7 @@ def test_whatever_is_jogged_the_tool_stays_in_its_box_out_of_what_is_kept_free_a
                 Rotation.from_quat(now[3:7], scalar_first=True) * Rotation.from_quat(at[3:7], scalar_first=True).inv()
             ).as_rotvec() / duration_s
             assert BOX.contains(now[:3])
-            assert limits.trespassed(np.stack([at, now])[:, :3]) is None
+            assert limits.entered_volume(np.stack([at, now])[:, :3]) is None
             assert 0 <= now[7] <= LIMITS.opening_m
             assert np.linalg.norm(moved) <= LIMITS.speed_m_s * (1 + 1e-6)
             assert np.linalg.norm(moved - velocity) <= LIMITS.acceleration_m_s2 * duration_s + 1e-9
@@ -97,7 +97,7 @@ def test_whatever_is_jogged_the_tool_stays_in_its_box_out_of_what_is_kept_free_a
     for _ in range(100):
         now = tool.advance(TICK_S)
         assert BOX.contains(now[:3])
-        assert limits.trespassed(np.stack([at, now])[:, :3]) is None
+        assert limits.entered_volume(np.stack([at, now])[:, :3]) is None
         at = now
     assert tool.at_rest
 

@@ -15,7 +15,7 @@ from app.core.errors import ParameterError, UsageError
 from app.core.messages import Episode, Executed, Frame, Particles, Sighting, Transition
 from app.recording.format.integrity import inspect
 from app.recording.read.reader import read_messages, read_transitions
-from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.effect_sampling import injectable_effects
 from app.services.study import read_study
 
 SEED = 730915
@@ -64,8 +64,8 @@ def test_what_was_hidden_in_the_cameras_is_in_the_recordings(folder: Path) -> No
 
 
 def test_no_byte_of_a_recording_tells_what_is_hidden(folder: Path) -> None:
-    told = [str(SEED), "seed-", "hidden", "truth", *known()]
-    told += [quantity.name for effect in known().values() for quantity in effect.quantities]
+    told = [str(SEED), "seed-", "hidden", "truth", *injectable_effects()]
+    told += [quantity.name for effect in injectable_effects().values() for quantity in effect.quantities]
     for path in recordings(folder):
         # Chunks are compressed; their channels' bytes are read apart.
         contents = [path.read_bytes(), *raw(path)]

@@ -64,7 +64,7 @@ def cell(folder: Path, answers: Iterable[bool], *asked: Track) -> tuple[ProbedCe
         texts.append(text)
         return next(left)
 
-    task = load(TASK.recorded)
+    task = load(TASK.recorded_name)
     session = PushRecordingConfig(task=task, plan=PLAN, physics=mistune(3), hidden=(), seed=3, folder=folder)
     folder.mkdir()
     return ProbedCell(session, TASK, site=Site(), approve=approve, asked=asked), texts

@@ -39,7 +39,7 @@ def pushed(known: Orientation, first_m: float, last_m: float) -> Orientation:
 
 def test_nothing_is_known_before_anything_was_seen() -> None:
     assert UNKNOWN.probability == 0.5
-    assert not UNKNOWN.known
+    assert not UNKNOWN.is_known
     assert UNKNOWN.sign(line()) == 0.0
 
 
@@ -48,10 +48,10 @@ def test_the_way_round_that_predicts_better_gets_likelier_until_it_is_sure() -> 
     for _ in range(12):
         known = pushed(known, 0.004, 0.006)
         assert known.probability > before
-        assert known.known == (known.probability >= SURE)
-        assert known.sign(line()) == (1.0 if known.known else 0.0)
+        assert known.is_known == (known.probability >= SURE)
+        assert known.sign(line()) == (1.0 if known.is_known else 0.0)
         before = known.probability
-    assert known.known
+    assert known.is_known
 
 
 def test_the_other_way_round_is_as_well_known() -> None:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.core.errors import UsageError
-from app.core.task_name import TaskName, recorded
+from app.core.task_name import TaskName, recorded_name
 
 names = st.from_regex(r"[a-z][a-z_]{0,10}", fullmatch=True)
 sizes = st.dictionaries(names, st.floats(1e-3, 10).map(lambda value: float(f"{value:.6g}")), max_size=4)
@@ -18,8 +18,8 @@ def test_what_is_written_is_read_again(problem: str, given_sizes: dict[str, floa
 
 
 def test_recordings_are_of_a_problem_and_its_sizes_and_not_of_dynamics():
-    assert recorded("rope_push(radius_m=0.006)@rods") == "rope_push(radius_m=0.006)"
-    assert recorded("rope_push@mpm") == recorded("rope_push@rods") == "rope_push"
+    assert recorded_name("rope_push(radius_m=0.006)@rods") == "rope_push(radius_m=0.006)"
+    assert recorded_name("rope_push@mpm") == recorded_name("rope_push@rods") == "rope_push"
 
 
 def test_sizes_in_any_order_are_the_same_name():

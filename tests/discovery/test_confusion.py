@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.discovery.inference.confusion import confusions
-from app.discovery.inference.decide import named_of
+from app.discovery.inference.decide import likeliest_cause
 from app.discovery.inference.weighing import HypothesisResult, weigh
 from app.discovery.residuals.rows import Residuals
 from tests.discovery.made_up import ALL, CAUSES, K, R, screening
@@ -57,5 +57,5 @@ def _with(data: Residuals, r: np.ndarray) -> Residuals:
 def _first(findings: tuple[HypothesisResult, ...]) -> int | None:
     """The likeliest cause; None where the null hypothesis is likelier."""
     logs = {str(n): finding.log_bayes for n, finding in enumerate(findings)}
-    found = named_of(logs)
+    found = likeliest_cause(logs)
     return int(found) if found is not None else None

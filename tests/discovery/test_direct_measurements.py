@@ -54,13 +54,13 @@ def study(truth: Theta, seed: int = 0) -> Study:
             command=command,
             measured=None,
         )
-        true = PREDICTOR.driven(bare, Load(np.zeros((len(command.times_s), 3))), truth)
-        told = PREDICTOR.told(command, Load(np.zeros((len(command.times_s), 3))), truth)
+        true = PREDICTOR.actual_track(bare, Load(np.zeros((len(command.times_s), 3))), truth)
+        told = PREDICTOR.encoder_track(command, Load(np.zeros((len(command.times_s), 3))), truth)
         poses = np.concatenate([told.at(command.times_s), command.poses[:, 3:]], axis=1)
         poses[:, :3] += rng.normal(0, 1e-4, (len(poses), 3))
         at = midway_s(command.times_s)
         tip = true.at(np.array([at + PREDICTOR.late_s(truth)])) + rng.normal(0, 1e-3, (60, 3))
-        finger = PREDICTOR.seen(tip.astype(np.float32), eye, truth)
+        finger = PREDICTOR.observe(tip.astype(np.float32), eye, truth)
         pushes.append(
             Push(
                 episode=bare.episode,
@@ -77,7 +77,7 @@ def study(truth: Theta, seed: int = 0) -> Study:
 
 def _table(rng: np.random.Generator, truth: Theta) -> np.ndarray:
     level = np.concatenate([rng.uniform(REGION[:2], REGION[2:], (400, 2)), np.zeros((400, 1))], axis=1)
-    shown = PREDICTOR.seen(level.astype(np.float32), Eye(np.asarray(CAMERA), None), truth)
+    shown = PREDICTOR.observe(level.astype(np.float32), Eye(np.asarray(CAMERA), None), truth)
     return shown + rng.normal(0, 1e-3, (400, 3)).astype(np.float32)
 
 

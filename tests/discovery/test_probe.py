@@ -185,7 +185,7 @@ def test_no_candidate_enters_what_is_kept_free_leaves_the_region_or_is_refused_b
     assert len(found) >= 3
     assert len(candidates_of(first_belief(SUBJECT), free, np.random.default_rng(0))) > len(found)
     for each in found:
-        assert not half.entered(each.track.positions)
+        assert not half.is_entered_by(each.track.positions)
         assert refusal(probe_motion(TASK, each.track, site), site) == ""
         ends = np.stack([each.stroke.start, each.stroke.end])
         assert ((ends > REGION[:2]) & (ends < REGION[2:])).all()

@@ -7,13 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.discovery.dataset.model_under_test import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
+from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.residuals.displacement_field import MODES, Basis, register
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.residuals.sensitivity import STARTS, residuals
 from app.discovery.residuals.steppers import material_coordinates
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
+from app.sim.model.numerics import ANY_NUMERICS, NUMERICS, ROD_NUMERICS
 from app.tasks import load
 from bench.hidden.ropes import RopeCase
 

@@ -21,7 +21,7 @@ def order() -> EvaluationConfig:
         task=load("rope_push"),
         preset="cpu",
         seed=0,
-        method=Method.named(ablation="no_planning"),
+        method=Method.of(ablation="no_planning"),
         model=nominal_model("rope_push"),
         eyes="truth",
         actions=ACTIONS,

@@ -77,7 +77,7 @@ def test_what_cameras_show_of_the_object_is_where_it_was_once_the_error_is_known
     theta = at(predictor.catalogue, predictor.catalogue.nominal(subject), name, SEEN[name])
     for push, wrong in zip(study.pushes, with_error(study, name, np.array(SEEN[name])).pushes, strict=True):
         middle = label_particles([wrong.before.points])[1][0].astype(np.float64)
-        found = predictor.unseen(wrong.before.points, Eye(np.asarray(study.camera), middle), theta)
+        found = predictor.unproject(wrong.before.points, Eye(np.asarray(study.camera), middle), theta)
         assert np.abs(wrong.before.points - push.before.points).max() > 1e-3
         assert np.sqrt(((found - push.before.points) ** 2).mean()) < 2e-4
 

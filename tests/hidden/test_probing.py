@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.effect_sampling import injectable_effects
 from bench.hidden.probing import compared, drawn, read
 
 SETUP = {"pushes": 12, "batch": 4}
@@ -42,7 +42,7 @@ def test_the_same_world_is_drawn_for_a_number_whatever_else_is_and_hides_what_ro
     assert len({case.seed for case in cases}) == 40
     effects = [each.effect for case in cases for each in case.hidden]
     assert 25 < len(effects) < 40
-    assert set(effects) <= set(known())
+    assert set(effects) <= set(injectable_effects())
     assert "rolling_resistance" not in effects
     assert all(1.0 <= each.size <= 2.0 for case in cases for each in case.hidden)
     assert {case.plan.episodes for case in cases} == {3}

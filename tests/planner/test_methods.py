@@ -76,7 +76,7 @@ class Forbidden:
         raise AssertionError("the policy was asked to act")
 
 
-@pytest.mark.parametrize("method", [*map(Method.named, BASELINES), Method.named(ablation="no_policy")])
+@pytest.mark.parametrize("method", [*map(Method.of, BASELINES), Method.of(ablation="no_policy")])
 def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
     planner = make_planner(method, replace(search(), policy=Forbidden()), DESCENT, 1)
     assert isinstance(planner, TreePlanner | CemPlanner)
@@ -88,7 +88,7 @@ def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
 
 def test_an_ablation_leaves_out_what_it_says() -> None:
     whole, *others = (
-        make_planner(Method.named(ablation=name), search(), DESCENT, 3)
+        make_planner(Method.of(ablation=name), search(), DESCENT, 3)
         for name in (None, "no_optimisation", "no_planning")
     )
     assert isinstance(whole, TreePlanner)

@@ -143,7 +143,7 @@ def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() ->
         how, shown = lessons(load(name)), examples_of(name, episodes=1, actions=1)
         now = PlanningState.at_rest(jnp.asarray(shown.x))
         elsewhere = now._replace(tool=now.tool + jnp.array([0.1, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        here, there = (how.seen(jnp.asarray(shown.goal), each).tool for each in (now, elsewhere))
+        here, there = (how.observation(jnp.asarray(shown.goal), each).tool for each in (now, elsewhere))
         assert (np.abs(np.asarray(there - here)).max() > 0.01) == tells
 
 

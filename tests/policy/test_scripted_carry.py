@@ -109,10 +109,10 @@ def test_it_alone_hangs_a_cloth_in_the_simulated_cell() -> None:
     cell, site = LockStep(TASK.stage, TASK.start(0), Site(), 0), Site()
     for _ in range(12):
         x = TASK.particles(cell.nodes(), 256)
-        if TASK.ended(x, GOAL, cell.tool):
+        if TASK.has_ended(x, GOAL, cell.tool):
             break
         cell.execute(approved(SPACE.motion(action(x, cell.tool), cell.tool, site), x))
-    assert TASK.done(TASK.particles(cell.nodes(), 256), GOAL, cell.tool)
+    assert TASK.is_done(TASK.particles(cell.nodes(), 256), GOAL, cell.tool)
 
 
 def test_open_fingers_that_have_come_down_close_where_they_are_though_they_hide_the_edge() -> None:

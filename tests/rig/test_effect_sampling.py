@@ -5,11 +5,18 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.scene_description import Rope
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistune
+from app.rig.simulated.effect_sampling import (
+    MISTUNED,
+    InjectionRequest,
+    draw,
+    injectable_effects,
+    mistune,
+    not_injectable,
+)
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
 
 
-@pytest.mark.parametrize("name", IMPOSSIBLE)
+@pytest.mark.parametrize("name", not_injectable())
 def test_what_this_world_cannot_hide_is_said_with_the_reason_and_what_it_can(name: str) -> None:
     with pytest.raises(UsageError, match=f"{name} cannot be hidden: .*table_tilt"):
         draw([InjectionRequest(name, None)], 0)
@@ -46,7 +53,7 @@ def test_signs_and_directions_are_drawn_both_ways() -> None:
     tilts = np.array([draw([InjectionRequest("table_tilt", 1.0)], seed)[0].values for seed in range(40)])
     assert drifts == {-1.0, 1.0}
     assert np.abs(tilts.mean(0)).max() < 0.4
-    assert len(known()) > 30
+    assert len(injectable_effects()) > 30
 
 
 def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:

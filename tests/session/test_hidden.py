@@ -16,7 +16,7 @@ from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, Particles, fresh_id
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm
-from app.session.perception_stage import Sensing, forgotten
+from app.session.perception_stage import Sensing, lost_part_notice
 from app.tasks.rope_push import TASK
 from tests.perception.hiding import screened
 from tests.session.cell import MemoryLog, Watcher
@@ -138,5 +138,5 @@ async def test_what_is_hidden_for_too_long_is_given_up_and_said_once():
         for _ in range(3):
             await seen_with(sensing, predicted=False)
     assert np.diff(np.sort(given_up.positions[:, 1])).max() > 0.03
-    assert watcher.notices() == [forgotten(how)]
-    assert "for 1 s" in forgotten(how)
+    assert watcher.notices() == [lost_part_notice(how)]
+    assert "for 1 s" in lost_part_notice(how)

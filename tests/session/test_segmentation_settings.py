@@ -13,7 +13,7 @@ from app.core.messages import fresh_id
 from app.perception.mask.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, diagnose_views, reconstruct
 from app.recording.format.codec import decode, encode
-from app.session.perception_stage import Seeing, credible, require_placed, seen
+from app.session.perception_stage import Seeing, credible, require_placed, segmentation_message
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views
 
@@ -47,7 +47,7 @@ def test_colours_that_are_none_are_refused_and_nothing_changes(wrong):
 
 def test_what_was_seen_is_said_and_survives_a_recording():
     frames = views(random_tube(0))
-    said = seen(frames, diagnose_views(frames, HOW), HOW, now_s=5.0)
+    said = segmentation_message(frames, diagnose_views(frames, HOW), HOW, now_s=5.0)
     assert said.cause == tuple(frame.id for frame in frames)
     assert set(said.masks) == set(said.pixels) == set(said.points) == {"left", "right"}
     assert said.hue_deg == HOW.colour.hue_deg

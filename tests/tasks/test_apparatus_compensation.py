@@ -54,18 +54,18 @@ def told(error: Correction, motion: Motion, before: Points, after: Points) -> Mo
 @pytest.mark.parametrize("name", SENSING)
 def test_what_the_cameras_show_is_undone_to_a_tenth_of_a_millimetre(name: str) -> None:
     error, true = correction(model(**{name: SENSING[name]})), rope(0.05, 0.3)
-    shown = error.seen(true)
+    shown = error.observe(true)
     assert np.abs(shown - true).max() > 5e-4
-    np.testing.assert_allclose(error.unseen(shown), true, atol=1e-4)
+    np.testing.assert_allclose(error.unproject(shown), true, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", WAYS)
 def test_an_arm_that_is_told_the_command_makes_the_motion(name: str) -> None:
     error, motion, before = correction(model(**{name: WAYS[name]})), curved(), rope()
     felt = error._drag_load(motion, before, rope(0.03))
-    assert np.abs(error.made(motion.positions, felt) - motion.positions).max() > 1e-3
+    assert np.abs(error.executed_path(motion.positions, felt) - motion.positions).max() > 1e-3
     command = told(error, motion, before, rope(0.03))
-    np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
+    np.testing.assert_allclose(error.executed_path(command.positions, felt), motion.positions, atol=1e-5)
     np.testing.assert_array_equal(command.speeds, motion.speeds)
 
 
@@ -73,7 +73,7 @@ def test_several_errors_at_once_are_undone_together() -> None:
     error, motion = correction(model(**WAYS)), curved()
     command = told(error, motion, rope(), rope(0.03))
     felt = error._drag_load(motion, rope(), rope(0.03))
-    np.testing.assert_allclose(error.made(command.positions, felt), motion.positions, atol=1e-5)
+    np.testing.assert_allclose(error.executed_path(command.positions, felt), motion.positions, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", WHEN)
@@ -92,7 +92,7 @@ def test_a_command_stays_above_the_floor_of_the_workspace() -> None:
 def test_a_prediction_that_is_not_finite_is_commanded_and_shown_all_the_same() -> None:
     error, lost = correction(model(tool_compliance=0.05, hand_eye_x=0.004)), np.full_like(rope(), np.nan)
     assert np.isfinite(told(error, curved(), rope(), lost).positions).all()
-    assert np.isnan(error.seen(lost)).all()
+    assert np.isnan(error.observe(lost)).all()
 
 
 def transition(measured: bool) -> Transition:

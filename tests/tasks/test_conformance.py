@@ -85,9 +85,9 @@ def test_a_problem_is_its_seeds_and_no_problem_is_solved_before_it_begins(name: 
             assert (points[:, :2] >= low[:2]).all()
             assert (points <= high).all()
             assert (points[:, 2] >= 0).all()
-        assert task.success.reached(goal, goal)
+        assert task.success.is_reached(goal, goal)
         assert task.success.share(goal, goal) >= 0.9
-        assert not task.success.reached(x, goal)
+        assert not task.success.is_reached(x, goal)
         assert task.success.share(x, goal) < 0.9
     assert not np.array_equal(starts[0], starts[1])
 

@@ -147,7 +147,7 @@ def test_what_drifts_in_a_session_is_planned_with_as_it_was_at_its_end() -> None
 def test_what_is_predicted_is_where_the_cameras_will_see_it_and_distances_are_the_true_ones() -> None:
     world, model = CASES["hand_eye_translation"]
     shown = extended_plan(world, model, world.seen(rope()), rope(0.05), 0)
-    x = correction(erring(hand_eye_y=0.008)).unseen(world.seen(rope()))
+    x = correction(erring(hand_eye_y=0.008)).unproject(world.seen(rope()))
     true = planner(tilted=False)(PlanRequest(observed=x, goal=rope(0.05), phi=world.phi))
     np.testing.assert_allclose(shown.predicted, world.seen(true.predicted), atol=1e-6)
     np.testing.assert_allclose(shown.branches[1].final, world.seen(true.branches[1].final), atol=1e-6)

@@ -39,7 +39,7 @@ def test_beans_lie_on_the_table_off_the_mat_and_apart(seed: int) -> None:
 def test_no_problem_is_solved_at_the_start_and_all_are_where_the_goal_is(seed: int) -> None:
     start, goal = TASK.particles(TASK.start(seed), 300), TASK.goal(seed, 300)
     assert TASK.success.share(start, goal) == 0
-    assert TASK.success.reached(goal, goal)
+    assert TASK.success.is_reached(goal, goal)
     assert chamfer_m2(start, goal) > 0.01
 
 
@@ -89,8 +89,8 @@ def test_the_aim_counts_what_lies_on_the_mat() -> None:
     x = np.zeros((4, 3), np.float32)
     x[:, :2] = np.array(MAT.place_m) + np.array([[0, 0], [0.079, 0], [0, -0.079], [0.09, 0]])
     assert aim.share(x, x) == 0.75
-    assert aim.reached(x, x)
-    assert not replace(aim, enough=0.8).reached(x, x)
+    assert aim.is_reached(x, x)
+    assert not replace(aim, enough=0.8).is_reached(x, x)
 
 
 def test_sweeping_ends_only_when_cameras_see_more_on_the_mat_than_the_aim_asks() -> None:
@@ -98,7 +98,7 @@ def test_sweeping_ends_only_when_cameras_see_more_on_the_mat_than_the_aim_asks()
     some_off, nearly_none = goal.copy(), goal.copy()
     some_off[:21, :2] += 0.2
     nearly_none[:5, :2] += 0.2
-    assert TASK.success.reached(some_off, goal)
-    assert not TASK.ended(some_off, goal)
-    assert TASK.ended(nearly_none, goal)
-    assert replace(TASK, stop_when=None).ended(some_off, goal)
+    assert TASK.success.is_reached(some_off, goal)
+    assert not TASK.has_ended(some_off, goal)
+    assert TASK.has_ended(nearly_none, goal)
+    assert replace(TASK, stop_when=None).has_ended(some_off, goal)

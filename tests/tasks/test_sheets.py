@@ -40,7 +40,7 @@ def test_seeds_differ_and_repeat() -> None:
 
 
 def test_the_goal_hangs_on_both_sides_of_the_rods_and_outside_of_them() -> None:
-    assert AIM.reached(GOAL, GOAL)
+    assert AIM.is_reached(GOAL, GOAL)
     assert AIM.share(GOAL, GOAL) == 1.0
     x, y, z = GOAL.T.astype(np.float64)
     assert np.mean(y < RACK.place_m[1]) == pytest.approx(0.5, abs=0.03)
@@ -58,7 +58,7 @@ def test_a_cloth_of_which_a_part_lies_on_the_table_or_hangs_from_one_side_or_far
     fallen[:40, 2] = 0.0
     aside[:, 1] = RACK.place_m[1] + np.abs(aside[:, 1] - RACK.place_m[1])
     drawn[:40, 1] = RACK.place_m[1] + 0.15
-    assert not any(AIM.reached(x, GOAL) for x in (fallen, aside, drawn))
+    assert not any(AIM.is_reached(x, GOAL) for x in (fallen, aside, drawn))
     assert AIM.share(fallen, GOAL) == pytest.approx(1 - 40 / 256)
 
 
@@ -66,8 +66,8 @@ def test_a_cloth_that_the_gripper_may_hold_is_not_done() -> None:
     hand = pointing_down(np.array([0.55, 0.22, 0.16]))
     for opening_m, done in ((0.004, False), (0.040, True)):
         hand[7] = opening_m
-        assert TASK.done(GOAL, GOAL, hand) is done
-        assert TASK.ended(GOAL, GOAL, hand) is done
+        assert TASK.is_done(GOAL, GOAL, hand) is done
+        assert TASK.has_ended(GOAL, GOAL, hand) is done
 
 
 def test_particles_of_a_world_are_evenly_spread_over_its_mesh() -> None:

@@ -46,7 +46,7 @@ class Orientation:
         return 1 / (1 + math.exp(-abs(self.log_odds)))
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         """True if one way round is as good as certain."""
         return abs(self.log_odds) >= _LEAST_LOG_ODDS
 
@@ -59,7 +59,7 @@ class Orientation:
 
         0 if that is unknown.
         """
-        return self._relative_direction(line) * math.copysign(1.0, self.log_odds) if self.known else 0.0
+        return self._relative_direction(line) * math.copysign(1.0, self.log_odds) if self.is_known else 0.0
 
     def observe(self, before: Centreline, predicted: Float32[np.ndarray, "2 2 n"], after: Centreline) -> Self:
         """The belief after a push that moved the rope from the nodes `before` to `after` [m], in the same order.

@@ -1,8 +1,9 @@
 """The model under test, and the catalogue of candidate causes of its error."""
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal, TypeAlias, final
 
 import numpy as np
@@ -15,74 +16,19 @@ from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
 from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
 from app.sim.files import files_of
+from app.sim.model.numerics import NUMERICS, ROD_NUMERICS, RodUnknown
 from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
 from app.sim.model.scene import Scene
-from app.sim.parameter import ParameterSpec
+from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.scene import RodScene
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
 """Values of all parameters of a `Catalogue`, in its order."""
 Family: TypeAlias = Literal["sensing", "actuation", "physics", "numerics"]
 
-NUMERICS = {
-    "resolution": "Share of the way to a grid and time step finer by a fifth.",
-    "contact_softness": "Share of the way to contacts half as wide again.",
-    "contact_distance": "Share of the way to contacts that begin 1.5 mm earlier.",
-}
-"""Our own discretisation as pseudo-effects, so that its errors are not taken for physics."""
-_EARLIER_M = 1.5e-3
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class RodUnknown:
-    """A field of `RodPhysics` that differs from rope to rope and is not measured: a usual deviation is a `step`.
-
-    `relative`: the step is of its logarithm. `about` says what a step more is.
-    """
-
-    field: str
-    step: float
-    about: str
-    relative: bool = False
-    low: float = -2.0
-    """The least number of steps that means anything."""
-
-
-ROD_NUMERICS = {
-    "contact_distance": RodUnknown(
-        field="margin", step=7e-4, about="Share of the way to a finger and a rope that meet 0.7 mm earlier."
-    ),
-    "finger_climb": RodUnknown(
-        field="climb",
-        step=0.25,
-        about="Share of the way to a rope that slips up and down the finger by a quarter of its way more.",
-    ),
-    "finger_press": RodUnknown(
-        field="press",
-        step=0.25,
-        about="Share of the way to a finger's tip of whose push the table bears a quarter more.",
-    ),
-    "bending_viscosity": RodUnknown(
-        field="viscosity", step=0.7, relative=True, about="Logarithm of the rope's viscosity in bending, in 0.7."
-    ),
-    "lasting_bends": RodUnknown(
-        field="permanent_set", step=-0.3, low=0.0, about="Share of the way to bends of which 30 % less lasts."
-    ),
-    "bend_yield": RodUnknown(
-        field="yield_curvature", step=0.4, relative=True, about="Logarithm of the curvature that lasts, in 0.4."
-    ),
-    "rope_mass": RodUnknown(field="mass", step=0.2, relative=True, about="Logarithm of the rope's mass, in 0.2."),
-}
-"""Numbers of the rod and its contact that are fitted with every cause, so that what they explain is not taken for one.
-
-Steps are what ropes of MuJoCo's chain, of drawn sizes, differ by in fits of the rod to them (docs/discovery-model.md).
-"""
 _UNSAID = 3.0
 """Steps of a size that nobody said are so many times as long, and its prior with them: people who measure a rope's mass
 err by less than a fifth, and ropes of one size and other making differ by a factor of two."""
-_BY_SIZE = {"mass_kg": "rope_mass"}
-ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
 
 
 @final
@@ -134,16 +80,7 @@ class Subject:
 
     def numeric(self, name: str) -> "Subject":
         """The subject with one of `NUMERICS` at 1, which change what is compiled."""
-        return replace(self, scene=self._scene_with(name))
-
-    def _scene_with(self, name: str) -> Scene:
-        scene = self.scene
-        if name == "resolution":
-            x, y, z = scene.low
-            return replace(scene, cell_m=0.8 * scene.cell_m, dt_s=0.8 * scene.dt_s, low=(x, y, 0.8 * z))
-        if name == "contact_distance":
-            return replace(scene, contact_margin_m=scene.contact_margin_m + _EARLIER_M)
-        return replace(scene, contact_width_m=1.5 * scene.contact_width_m)
+        return replace(self, scene=NUMERICS[name].change(self.scene))
 
 
 @final
@@ -237,10 +174,9 @@ def setup_of(subject: Subject) -> MeasuredSetup | None:
 
 def unknowns_of(unsaid: Collection[str]) -> tuple[tuple[str, RodUnknown], ...]:
     """`ROD_NUMERICS` without these sizes: one rule, steps and priors `_UNSAID` times as wide."""
-    wide = {_BY_SIZE[size] for size in unsaid if size in _BY_SIZE}
     return tuple(
         (name, replace(unknown, step=_UNSAID * unknown.step, about=f"{unknown.about[:-1]}, three times as wide."))
-        if name in wide
+        if unknown.size in unsaid
         else (name, unknown)
         for name, unknown in ROD_NUMERICS.items()
     )
@@ -275,12 +211,12 @@ def catalogue(
         columns = tuple(range(first, len(specs)))
         causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
     # What is compiled can only be finer, wider or earlier.
-    numerics = {name: (about, 0.0) for name, about in NUMERICS.items()}
+    numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]
     if rods is not None:
-        numerics = {name: (unknown.about, unknown.low) for name, unknown in rods.unknowns}
-    for name, (about, low) in numerics.items():
-        specs.append(_numeric(name, about, low))
-        causes.append(_cause(name, "numerics", about, (len(specs) - 1,), None))
+        numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in rods.unknowns]
+    for spec in numerics:
+        specs.append(spec)
+        causes.append(_cause(spec.name, "numerics", spec.about, (len(specs) - 1,), None))
     x, y = (middle + origin for middle, origin in zip(MIDDLE_M, origin_m, strict=True))
     specs = [replace(spec, about=spec.about.replace(MIDDLE, f"({x:g}, {y:g}) m")) for spec in specs]
     for cause in causes:
@@ -312,5 +248,22 @@ def _about(doc: str) -> str:
     return re.split(r"\.\s+(?=[A-Z])", " ".join(doc.split("\n\n")[0].split()))[0].rstrip(".") + "."
 
 
-def _numeric(name: str, about: str, low: float) -> ParameterSpec:
-    return ParameterSpec(name=name, unit="1", nominal=0.0, low=low, high=2.0, typical=1.0, scale="linear", about=about)
+def _numeric(name: str, about: str, low: float = 0.0, null_prior: NullPrior | None = None) -> ParameterSpec:
+    return ParameterSpec(
+        name=name,
+        unit="1",
+        nominal=0.0,
+        low=low,
+        high=2.0,
+        typical=1.0,
+        scale="linear",
+        about=about,
+        rod_null_prior=null_prior,
+    )
+
+
+@cache
+def spellings() -> Mapping[str, str]:
+    """Parts of the names of effects and parameters that are names or compounds, as people write them."""
+    files = [*files_of(effects), *files_of(sensor_actuator_errors)]
+    return dict(spelling for _, module in files if (spelling := module.EFFECT.spelling) is not None)

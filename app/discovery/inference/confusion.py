@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.inference.decide import named_of
+from app.discovery.inference.decide import likeliest_cause
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import log_bayes_of
 from app.discovery.residuals.forces import FORMULA
@@ -40,7 +40,7 @@ def confusions(screening: Screening, causes: Sequence[str], seed: int = 0) -> Fl
     for row, cause in enumerate(causes):
         scores = np.stack([_score(rng, screening, known, groups[cause]) for _ in range(_DRAWS)])
         logs = [_best(scores, known, groups[name]) for name in names]
-        taken = [named_of(dict(zip(names, draw.tolist(), strict=True))) for draw in np.array(logs).T]
+        taken = [likeliest_cause(dict(zip(names, draw.tolist(), strict=True))) for draw in np.array(logs).T]
         found[row] = [taken.count(other) / _DRAWS for other in causes]
     return found
 

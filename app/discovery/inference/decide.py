@@ -87,7 +87,7 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
         said(f"refitting {suspect.cause}")
         probable = measured is None or measured[0][suspect.cause] > _WORTH
-        singles.append(refitted(predictor, trials, screening, suspect, thorough=probable))
+        singles.append(refit_cause(predictor, trials, screening, suspect, thorough=probable))
     probabilities, nothing = measured or probabilities_of(screening, singles)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
@@ -138,7 +138,7 @@ def is_sized(catalogue: Catalogue, model: RefinedModel) -> bool:
     return True
 
 
-def refitted(
+def refit_cause(
     predictor: Predictor,
     trials: SimulationBatch,
     screening: Screening,
@@ -177,7 +177,7 @@ def probabilities_of(screening: Screening, singles: Sequence[RefinedModel]) -> t
     return _normalize({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
 
 
-def named_of(linear: Mapping[str, float]) -> str | None:
+def likeliest_cause(linear: Mapping[str, float]) -> str | None:
     """The cause that is the most probable by the screening's evidence; None where nothing missing is more probable."""
     probabilities, nothing = _normalize({cause: value / TEMPERATURE for cause, value in linear.items()})
     cause = max(probabilities, key=lambda cause: probabilities[cause])

@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.model_under_test import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Family, Theta
 from app.discovery.inference.ends import Ends, find_ends, turn_rows
 from app.discovery.inference.localize import Located, likeliest_places
 from app.discovery.inference.mixed_effects import fit_mixed_effects
@@ -18,6 +18,7 @@ from app.discovery.residuals.forces import FORMULA, columns_of_features, force_s
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, hypotheses_of, residuals, steps_of
+from app.sim.model.numerics import ANY_NUMERICS, ROD_NUMERICS
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -173,12 +174,12 @@ def _possible(finding: HypothesisResult, steps: Sequence[Step]) -> HypothesisRes
 
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
     """Prior over all columns under the null hypothesis (no effect present), in steps from `about`."""
-    causes = {cause.name: cause for cause in with_formula(catalogue).causes}
+    families: dict[str, Family] = {cause.name: cause.family for cause in with_formula(catalogue).causes}
     usual = np.array(
         [
             (0.0, CALIBRATED)
             if step.cause in calibrated
-            else null_prior(causes[step.cause], catalogue.specs[step.column].name, rods=catalogue.rods)
+            else null_prior(families[step.cause], catalogue.specs[step.column], rods=catalogue.rods)
             for step in steps
         ]
     )

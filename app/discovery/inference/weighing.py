@@ -14,77 +14,21 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.dataset.model_under_test import Cause, Family
+from app.discovery.dataset.model_under_test import Family
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fit_mixed_effects
 from app.discovery.residuals.rows import Residuals
+from app.sim.parameter import NullPrior, ParameterSpec
 
 NULL_PRIOR_SD: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
-"""Standard deviation, in steps, of what effects seem to have where nothing is wrong."""
-_OWN_NULL_PRIOR_SD: Mapping[str, float] = {
-    "finger_friction": 0.2,
-    "friction_anisotropy": 0.14,
-    "friction_map": 0.12,
-    "mask_erosion": 0.15,
-    "mass_heterogeneity": 0.5,
-    "maxwell": 0.3,
-    "plastic_yield": 0.05,
-    "stiffness_heterogeneity": 0.17,
-    "tcp_offset": 0.04,
-}
-"""Exceptions to it. That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter."""
-_NULL_PRIOR_MEAN: Mapping[str, float] = {"mask_erosion": -0.29}
-"""Means under the null hypothesis, where they are not 0. Like the deviations they were learnt by expectation and
-maximisation, from 62 recordings of 32 pushes: 39 of our own engine in other numerics and 23 of MuJoCo's world, which
-count as much; what was hidden in some of them was left out."""
-ROD_NULL_PRIOR: Mapping[str, tuple[float, float]] = {
-    "anisotropy_axes": (0.0, 0.081),
-    "anisotropy_diagonals": (0.0, 0.081),
-    "attraction": (0.0, 0.101),
-    "bend_yield": (-0.023, 1.013),
-    "bending_viscosity": (-0.599, 1.085),
-    "constraint_rate": (0.0, 0.563),
-    "contact_distance": (-0.429, 0.724),
-    "drag": (-0.274, 0.148),
-    "drag_squared": (-0.009, 0.059),
-    "draught_x": (0.0, 0.049),
-    "draught_y": (0.0, 0.049),
-    "film_drag": (0.339, 0.539),
-    "finger_climb": (-0.21, 0.789),
-    "finger_friction": (0.195, 0.26),
-    "finger_press": (1.116, 1.456),
-    "friction_drift": (0.016, 0.055),
-    "friction_slope_x": (0.0, 0.138),
-    "friction_slope_y": (0.0, 0.138),
-    "friction_step": (0.0, 0.044),
-    "growth_x": (0.0, 0.027),
-    "growth_y": (0.0, 0.027),
-    "lasting_bends": (0.263, 0.385),
-    "mass_bow": (0.21, 0.446),
-    "mass_slope": (0.0, 0.16),
-    "obstacle_rate": (0.0, 0.462),
-    "push_x": (0.0, 0.01),
-    "push_y": (0.0, 0.01),
-    "relaxation_rate": (0.004, 0.468),
-    "rest_curvature": (0.0, 0.269),
-    "rope_mass": (-0.221, 1.543),
-    "sideways": (0.0, 0.011),
-    "sideways_rate": (0.0, 0.023),
-    "solid_viscosity": (-0.007, 1.893),
-    "spread": (-0.004, 0.01),
-    "stiffness_bow": (0.033, 0.288),
-    "stiffness_slope": (0.0, 0.237),
-    "stiffness_step": (0.0, 0.047),
-    "stretch_axes": (0.0, 0.008),
-    "stretch_diagonals": (0.0, 0.008),
-    "stribeck_excess": (0.0, 0.174),
-    "swirl": (0.0, 0.008),
-    "tilt_x": (0.0, 0.06),
-    "tilt_y": (0.0, 0.06),
-    "yield_softness": (0.404, 0.554),
-}
-"""The same of rods, mean and deviation of each parameter, their own unknowns and forces of no cause among them: learnt
-by expectation and maximisation from 283 recordings of three worlds, ropes, fingers and frictions drawn for each, what
-was hidden in some of them left out (docs/discovery-model.md). What has a direction has no mean, and the same in all."""
+"""Standard deviation, in steps, of what effects seem to have where nothing is wrong, and where their parameters say
+nothing else (`ParameterSpec.null_prior`, `rod_null_prior`).
+
+Those of material points were learnt by expectation and maximisation, from 62 recordings of 32 pushes: 39 of our own
+engine in other numerics and 23 of MuJoCo's world, which count as much; what was hidden in some of them was left out.
+That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter. Those of rods, their own unknowns
+and forces of no cause among them, were learnt likewise from 283 recordings of three worlds, ropes, fingers and
+frictions drawn for each (docs/discovery-model.md). What has a direction has no mean, and the same in all.
+"""
 Z90 = 1.645
 """Half width of a 90 % interval, in standard deviations."""
 CALIBRATED = 10.0
@@ -112,13 +56,13 @@ class Prior:
         return replace(self, variance=variance)
 
 
-def null_prior(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[float, float]:
-    """Null prior of a cause's apparent size, in steps: mean and standard deviation."""
-    if rods and parameter in ROD_NULL_PRIOR:
-        return ROD_NULL_PRIOR[parameter]
-    if cause.family == "numerics":
+def null_prior(family: Family, spec: ParameterSpec, *, rods: bool = False) -> NullPrior:
+    """Null prior of the apparent size of a cause of this family in one of its parameters, in steps."""
+    if rods and spec.rod_null_prior is not None:
+        return spec.rod_null_prior
+    if family == "numerics":
         return 0.0, NUMERIC
-    return _NULL_PRIOR_MEAN.get(cause.name, 0.0), _OWN_NULL_PRIOR_SD.get(cause.name, NULL_PRIOR_SD[cause.family])
+    return spec.null_prior or (0.0, NULL_PRIOR_SD[family])
 
 
 class HypothesisResult(NamedTuple):

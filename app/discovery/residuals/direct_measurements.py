@@ -138,9 +138,9 @@ def _finger(
     if seen is None:
         return None
     push = trials.study.pushes[k]
-    track = predictor.driven(push, trials.loads[k], theta)
+    track = predictor.actual_track(push, trials.loads[k], theta)
     tip = track.at(np.array([trials.stops_s[k] + predictor.late_s(theta)]))
-    return seen - predictor.placed(tip, _eye(trials), theta)[0]
+    return seen - predictor.project(tip, _eye(trials), theta)[0]
 
 
 def _table(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) -> Float64[np.ndarray, "3"] | None:
@@ -152,7 +152,7 @@ def _table(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) 
     if points is None or len(points) < _LEAST_POINTS or (setup is not None and setup.table.taken_out):
         return None
     level = np.concatenate([points[:, :2], np.zeros((len(points), 1))], axis=1).astype(np.float64)
-    return _plane(points) - _plane(predictor.placed(level, _eye(trials), theta))
+    return _plane(points) - _plane(predictor.project(level, _eye(trials), theta))
 
 
 def _plane(points: Cloud | Float64[np.ndarray, "M 3"]) -> Float64[np.ndarray, "3"]:
@@ -168,7 +168,7 @@ def _log(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) ->
     if push.measured is None:
         return None
     times, ahead = _phases(push, predictor.subject.low_m)
-    apart = push.measured.at(times) - predictor.told(push.command, trials.loads[k], theta).at(times)
+    apart = push.measured.at(times) - predictor.encoder_track(push.command, trials.loads[k], theta).at(times)
     across = np.array([-ahead[1], ahead[0]])
     return np.concatenate([apart[:, :2] @ ahead, apart[:, :2] @ across])
 
@@ -181,7 +181,7 @@ def _girth(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) 
     if "radius_m" in predictor.subject.unsaid:
         return None
     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
-    points = predictor.unseen(trials.study.pushes[k].before.points, eye, theta)
+    points = predictor.unproject(trials.study.pushes[k].before.points, eye, theta)
     tangent = trials.labels[k, :, 2:4]
     out = points[:, :2] - trials.middles[k][:, :2]
     beside = np.abs(out[:, 1] * tangent[:, 0] - out[:, 0] * tangent[:, 1])

@@ -17,11 +17,12 @@ from scipy.spatial import KDTree
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import label_of, label_particles, middles_of
-from app.discovery.dataset.model_under_test import ROD_NUMERICS, Catalogue, Subject, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load, Places
+from app.sim.model.numerics import ROD_NUMERICS
 from app.sim.model.params import PARAMETERS, index
 
 _LEAD_S, _TAIL_S = 0.05, 0.7
@@ -197,36 +198,36 @@ class Predictor:
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
         middle = middles_of((trials.labels[k, :, 0] + 1) / 2, points)
-        return self.seen(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
+        return self.observe(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
-    def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
+    def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Observation of points by the cameras."""
-        return self.placed(points.astype(np.float64), eye, theta).astype(np.float32)
+        return self.project(points.astype(np.float64), eye, theta).astype(np.float32)
 
-    def placed(self, places: Places, eye: Eye, theta: Theta) -> Places:
+    def project(self, places: Places, eye: Eye, theta: Theta) -> Places:
         """The same in full precision."""
         for effect, values in self.catalogue.wrong(theta):
             if effect.see is not None:
                 places = effect.see(places, eye, values)
         return places
 
-    def unseen(self, points: Points, eye: Eye, theta: Theta) -> Points:
-        """True positions of observed points: the inverse of `seen`, by fixed-point iteration."""
+    def unproject(self, points: Points, eye: Eye, theta: Theta) -> Points:
+        """True positions of observed points: the inverse of `observe`, by fixed-point iteration."""
         places = points
         for _ in range(2):
-            places = points - (self.seen(places, eye, theta) - places)
+            places = points - (self.observe(places, eye, theta) - places)
         return places
 
-    def driven(self, push: Push, load: Load, theta: Theta) -> Track:
+    def actual_track(self, push: Push, load: Load, theta: Theta) -> Track:
         """True track of the tool, from the recorded one."""
         measured = push.measured is not None
-        return self.carried_out(push.track, load, theta, lambda effect: not (effect.told and measured))
+        return self.apply_errors(push.track, load, theta, lambda effect: not (effect.told and measured))
 
-    def told(self, command: Track, load: Load, theta: Theta) -> Track:
+    def encoder_track(self, command: Track, load: Load, theta: Theta) -> Track:
         """Encoder track of the arm for a command that it executes."""
-        return self.carried_out(command, load, theta, lambda effect: effect.told)
+        return self.apply_errors(command, load, theta, lambda effect: effect.told)
 
-    def carried_out(self, track: Track, load: Load, theta: Theta, by: Callable[[Apparatus], bool]) -> Track:
+    def apply_errors(self, track: Track, load: Load, theta: Theta, by: Callable[[Apparatus], bool]) -> Track:
         """The track with the errors of those effects that `by` selects."""
         for effect, values in self.catalogue.wrong(theta):
             if effect.drive is not None and by(effect):
@@ -300,11 +301,11 @@ class Predictor:
         """Particles before push k, and the tool's path to the stop and on, if the apparatus has these errors."""
         push, step = trials.study.pushes[k], group.step_s
         eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
-        track = self.driven(push, trials.loads[k], theta)
+        track = self.actual_track(push, trials.loads[k], theta)
         stop = trials.stops_s[k] + self.late_s(theta)
         to_stop = track.at(stop - step * np.arange(BLOCK * group.to_stop, -1, -1))
         to_end = track.at(stop + step * np.arange(BLOCK * group.to_end + 1))
-        x = self.unseen(push.before.points, eye, theta)
+        x = self.unproject(push.before.points, eye, theta)
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
 

@@ -13,11 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.types import Points
-from app.discovery.dataset.model_under_test import NUMERICS, Catalogue, Cause, Theta
+from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, register
 from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch
 from app.discovery.residuals.rows import Block, Residuals
+from app.sim.model.numerics import NUMERICS
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
 """A cause, with the place, or the other values, that it is asked about with."""

@@ -15,7 +15,7 @@ from app.discovery.residuals.forces import FEATURES, FORMULA, parameters
 from app.discovery.results.case import Estimate, Formula, Term
 from app.discovery.results.verdict import estimates_of
 from app.discovery.unexplained.formula import AcceptedFormula
-from app.sim.effects.place_force import MIDDLE_X, MIDDLE_Y
+from app.sim.effects.base import MIDDLE_M
 
 _G = 9.81
 _PLACE = ("push_x", "push_y", "spread", "swirl", "stretch_axes", "stretch_diagonals")
@@ -37,7 +37,7 @@ def formula_of(subject: Subject, found: AcceptedFormula) -> Formula:
     terms = list[Term]()
     if any(name in values for name in _PLACE):
         own = tuple(estimates[name] for name in _PLACE if name in estimates)
-        about_m = np.array([MIDDLE_X, MIDDLE_Y]) + found.catalogue.origin_m
+        about_m = np.array(MIDDLE_M) + found.catalogue.origin_m
         middle = _middle(values, about_m)
         said = _place(values, middle, about_m)
         terms.append(Term(formula=said.formula, words=said.words, estimates=(*own, *_about(found, middle))))
@@ -110,7 +110,7 @@ def _about(found: AcceptedFormula, middle: Float64[np.ndarray, "2"] | None) -> t
     here = np.array([model.estimate[step.column] for step in steps])
     drawn = np.random.default_rng(0).multivariate_normal(np.zeros(len(steps)), model.covariance, _DRAWS)
     rows = here + drawn * np.array([step.size for step in steps])
-    about_m = np.array([MIDDLE_X, MIDDLE_Y]) + found.catalogue.origin_m
+    about_m = np.array(MIDDLE_M) + found.catalogue.origin_m
     points = [_middle(dict(zip(names, row.tolist(), strict=True)), about_m) for row in rows]
     low, high = np.quantile([point for point in points if point is not None], [0.05, 0.95], axis=0)
     return tuple(

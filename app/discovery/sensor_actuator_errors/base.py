@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.track import Track
-from app.sim.parameter import ParameterSpec
+from app.sim.parameter import NullPrior, ParameterSpec
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
 """Values of an effect's parameters, in their order."""
@@ -48,6 +48,7 @@ class Apparatus:
     `drive(track, load, values)`: where the tip went, of where the record says it went; `see(points, eye, values)`:
     where the cameras say that points are; `late_s(values)`: by how much images are younger than their stamps say.
     `told`: whether the arm measures the effect itself, so that a measured track is free of it.
+    `spelling`: see `Effect`.
     """
 
     family: Literal["sensing", "actuation"]
@@ -56,9 +57,12 @@ class Apparatus:
     see: See | None = None
     late_s: Callable[[Values], float] | None = None
     told: bool = False
+    spelling: tuple[str, str] | None = None
 
 
-def lengths(name: str, typical: float, most: float, about: str) -> tuple[ParameterSpec, ...]:
+def lengths(
+    name: str, typical: float, most: float, about: str, *, null_prior: NullPrior | None = None
+) -> tuple[ParameterSpec, ...]:
     """Three parameters, a vector [m]: `name`_x, `name`_y, `name`_z."""
     return tuple(
         ParameterSpec(
@@ -70,17 +74,33 @@ def lengths(name: str, typical: float, most: float, about: str) -> tuple[Paramet
             typical=typical,
             scale="linear",
             about=f"{about} along {axis}.",
+            null_prior=null_prior,
         )
         for axis in "xyz"
     )
 
 
 def one(
-    name: str, unit: str, typical: float, most: float, about: str, *, least: float = 0.0
+    name: str,
+    unit: str,
+    typical: float,
+    most: float,
+    about: str,
+    *,
+    least: float = 0.0,
+    null_prior: NullPrior | None = None,
 ) -> tuple[ParameterSpec, ...]:
     """A single parameter whose null is 0."""
     return (
         ParameterSpec(
-            name=name, unit=unit, nominal=0.0, low=least, high=most, typical=typical, scale="linear", about=about
+            name=name,
+            unit=unit,
+            nominal=0.0,
+            low=least,
+            high=most,
+            typical=typical,
+            scale="linear",
+            about=about,
+            null_prior=null_prior,
         ),
     )

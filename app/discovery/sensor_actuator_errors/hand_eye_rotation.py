@@ -16,6 +16,7 @@ def _see(points: Places, eye: Eye, values: Values) -> Places:
 
 EFFECT = Apparatus(
     family="sensing",
+    spelling=("hand_eye", "hand-eye"),
     parameters=tuple(
         ParameterSpec(
             name=f"hand_eye_turn_{axis}",

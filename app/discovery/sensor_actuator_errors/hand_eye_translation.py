@@ -13,6 +13,7 @@ def _see(points: Places, _eye: Eye, values: Values) -> Places:
 
 EFFECT = Apparatus(
     family="sensing",
+    spelling=("hand_eye", "hand-eye"),
     parameters=lengths("hand_eye", 0.003, 0.02, "Offset of what the cameras see from where it is,"),
     see=_see,
 )

@@ -24,6 +24,8 @@ def _see(points: Places, eye: Eye, values: Values) -> Places:
 
 EFFECT = Apparatus(
     family="sensing",
-    parameters=one("mask_erosion", "m", 0.0015, 0.004, "Width of the rim that is not seen.", least=-0.004),
+    parameters=one(
+        "mask_erosion", "m", 0.0015, 0.004, "Width of the rim that is not seen.", least=-0.004, null_prior=(-0.29, 0.15)
+    ),
     see=_see,
 )

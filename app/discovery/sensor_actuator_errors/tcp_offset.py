@@ -18,6 +18,7 @@ def _drive(track: Track, _load: Load, values: Values) -> Track:
 
 EFFECT = Apparatus(
     family="sensing",
-    parameters=lengths("tcp", 0.003, 0.02, "Offset of the tip in the tool's frame,"),
+    spelling=("tcp", "tool-centre-point"),
+    parameters=lengths("tcp", 0.003, 0.02, "Offset of the tip in the tool's frame,", null_prior=(0.0, 0.04)),
     drive=_drive,
 )

@@ -17,6 +17,7 @@ def _drive(track: Track, _load: Load, values: Values) -> Track:
 
 EFFECT = Apparatus(
     family="actuation",
+    spelling=("under_reach", "under-reach"),
     parameters=one("under_reach", "1", 0.03, 0.2, "Share of a stroke that is not made.", least=-0.2),
     drive=_drive,
     told=True,

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.arm.gate import check_motion, way
-from app.arm.path import raised
+from app.arm.path import at_travel_height
 from app.config import Site
 from app.core.errors import MotionRefused, PlanningError
 from app.core.geometry.chamfer import chamfer_m2
@@ -144,7 +144,7 @@ def choose(
 
 def _may_be_made(motion: Motion, tool: ToolPose | None, site: Site) -> bool:
     """True if the arm's own process would make it, from the tool's pose or, if unknown, from above."""
-    above = motion.poses[0] if motion.continues else raised(motion.poses[0], site)
+    above = motion.poses[0] if motion.continues else at_travel_height(motion.poses[0], site)
     try:
         check_motion(motion, motion.digest(), site)
         way(above if tool is None else tool, motion, site)

@@ -93,10 +93,10 @@ class Lessons:
         """Action distribution of `act`, computed in the frame of the task's symmetry and moved back to the table."""
         frame = self.symmetry.frame(goal, now.x)
         here = PlanningState.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
-        acted = act(self.seen(frame.places(goal), here))
+        acted = act(self.observation(frame.places(goal), here))
         return _move(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
-    def seen(self, goal: Float[Array, "B M 3"], now: PlanningState) -> PolicyObservation:
+    def observation(self, goal: Float[Array, "B M 3"], now: PlanningState) -> PolicyObservation:
         """Observation of the policy; a tool whose pose does not matter is shown where it is before the first action.
 
         Its pose after a demonstrated action would reveal which one that was, and simulated situations lack it.

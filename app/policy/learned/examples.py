@@ -125,7 +125,7 @@ class Batch(NamedTuple):
     def shown(self, lessons: Lessons) -> Shown:
         """The batch as observed by a learner."""
         now = PlanningState.at_rest(self.x)._replace(tool=self.tool)
-        return Shown(lessons.seen(self.goal, now), self.goal, now, self.made, self.after, self.counts)
+        return Shown(lessons.observation(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 
     def _apply_isometry(self, lessons: Lessons, by: Isometry) -> Self:
         window, places = self.made.shape[1], by.places

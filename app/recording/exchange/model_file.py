@@ -14,7 +14,7 @@ import tomli_w
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter, fresh_id
-from app.core.task_name import TaskName, recorded
+from app.core.task_name import TaskName, recorded_name
 
 SCHEMA = 2
 _READ = (1, 2)
@@ -59,7 +59,7 @@ def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> M
     Unknown parameters and values out of range are left to the task to reject (`app.jobs.worker_api.check_model`).
     """
     model = _read(path, time_s)
-    same = recorded(model.task) == recorded(task)
+    same = recorded_name(model.task) == recorded_name(task)
     if model.task != task and (whole or not same):
         step = f"give --dynamics {TaskName.parse(model.task).dynamics}" if same else "calibrate one for it"
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; {step}.")

@@ -10,19 +10,11 @@ from dataclasses import dataclass
 from typing import Final, final
 
 from app.core.dialogue.words import NOTHING, sentence
+from app.discovery.dataset.model_under_test import spellings
 
 _LISTED: Final = 4
 """Most effects listed in a sentence."""
 MINUS: Final = "\N{MINUS SIGN}"
-_SPELLINGS: Final = {
-    "kelvin_voigt": "Kelvin\N{EN DASH}Voigt damping",
-    "maxwell": "Maxwell relaxation",
-    "stribeck": "Stribeck friction",
-    "tcp": "tool-centre-point",
-    "hand_eye": "hand-eye",
-    "under_reach": "under-reach",
-}
-"""Parts of ids that are names, or compounds; everything else is an id with spaces."""
 
 
 @final
@@ -57,9 +49,9 @@ _KILO_PASCALS_FROM: Final = 1e4
 
 
 def effect_name(effect: str) -> str:
-    """An effect's id in words, for example `hand-eye translation`."""
+    """An effect's or parameter's id in words, spelt as its file says, as in `hand-eye translation`."""
     words = effect
-    for part, spelling in _SPELLINGS.items():
+    for part, spelling in spellings().items():
         words = re.sub(rf"(^|_){part}(?=_|$)", rf"\g<1>{spelling}", words)
     return words.replace("_", " ")
 

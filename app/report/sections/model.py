@@ -42,7 +42,7 @@ def _places(value: float) -> int:
     return next((places for places in range(4) if math.isclose(value, round(value, places), abs_tol=1e-9)), 4)
 
 
-def spent(case: Case) -> Markup:
+def stage_times(case: Case) -> Markup:
     """A bar for each stage."""
     known = [(stage, seconds) for stage, seconds in case.spent_s if math.isfinite(seconds) and seconds >= 0]
     total = sum(seconds for _, seconds in known)

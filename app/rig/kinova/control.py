@@ -85,27 +85,27 @@ class KinovaControl:
         self._by: int | None = None
         self._heard_s = self._silence_s = self._elapsed_s = 0.0
         self._ticked_s, self._losses = time.monotonic(), driver.losses
-        self._gripped_m, self._pushed, self._coasts = float(driver.seen.tool[7]), False, False
+        self._gripped_m, self._pushed, self._coasts = float(driver.feedback.tool[7]), False, False
         self._end: ToolPose | None = None
         self.mode: ArmMode = "idle"
         self.reason = ""
-        self.commanded: ToolPose = driver.seen.tool
-        self.measured: ToolPose = driver.seen.tool
+        self.commanded: ToolPose = driver.feedback.tool
+        self.measured: ToolPose = driver.feedback.tool
 
     @property
     def velocity(self) -> Float64[np.ndarray, "3"]:
         """Velocity of the tool's tip [m/s]."""
-        return self._driver.seen.velocity
+        return self._driver.feedback.velocity
 
     @property
     def joints(self) -> Joints:
         """Joint angles [rad], each from -pi to pi."""
-        return self._joints_of(self._driver.seen)
+        return self._joints_of(self._driver.feedback)
 
     @property
     def force(self) -> Float64[np.ndarray, "3"]:
         """Force on the tool as the arm estimates it [N]."""
-        return self._driver.seen.force
+        return self._driver.feedback.force
 
     @property
     def jogging(self) -> bool:
@@ -114,7 +114,7 @@ class KinovaControl:
 
     def begin(self, points: ToolPath, speeds: Float64[np.ndarray, " S"]) -> None:
         """Have the arm validate the path, then follow it. An invalid path is refused before anything moves."""
-        if why := self._unready(self._driver.seen):
+        if why := self._unready(self._driver.feedback):
             raise MotionRefused(Refusal.DEVICE, why)
         if not len(speeds):
             return
@@ -133,9 +133,9 @@ class KinovaControl:
         if not finite(jog) or not (self.mode == "idle" or (self.jogging and self.mode == "moving")):
             return False
         if self.mode == "idle" and not still(jog):
-            if self._unready(self._driver.seen):
+            if self._unready(self._driver.feedback):
                 return False
-            self.commanded = self._driver.seen.tool
+            self.commanded = self._driver.feedback.tool
             self._jogging = Jogging(self.commanded, self._limits)
             self._gripped_m, self._pushed, self._coasts = float(self.commanded[7]), False, False
             self._by = self._end = None
@@ -166,7 +166,7 @@ class KinovaControl:
 
     def reset(self) -> None:
         """Accept motions again; an arm in fault is asked to leave it first, and reports the faults that remain."""
-        if self.mode == "stopped" and not self._driver.seen.faults and self._driver.seen.ready:
+        if self.mode == "stopped" and not self._driver.feedback.faults and self._driver.feedback.ready:
             self.mode, self.reason = "idle", ""
         elif self.mode in ("stopped", "fault") and not self._driver.trouble:
             self._clearing = self._driver.clear()
@@ -174,7 +174,7 @@ class KinovaControl:
     def advance(self, duration_s: float) -> None:
         """Read the arm's state, and continue jogging."""
         self._driver.pulse()
-        seen, now_s = self._driver.seen, time.monotonic()
+        seen, now_s = self._driver.feedback, time.monotonic()
         # Counted by ticks: a delay of this process is not taken for silence of the arm.
         self._elapsed_s = now_s - self._ticked_s
         self._silence_s = self._silence_s + self._elapsed_s if seen.time_s == self._heard_s else 0.0

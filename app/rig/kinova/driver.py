@@ -44,8 +44,8 @@ _Body: TypeAlias = Callable[[int, CommandHandle], None]
 class Driver:
     """Driver of one arm. Only `open` and `close` block.
 
-    `trouble`: reason why the arm is unreachable; `refused`: reason why it did not follow the last command; `seen`: its
-    last measurement; `losses`: lost connections so far.
+    `trouble`: reason why the arm is unreachable; `refused`: reason why it did not follow the last command; `feedback`:
+    its last measurement; `losses`: lost connections so far.
     """
 
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
@@ -99,7 +99,7 @@ class Driver:
         self._let_go()
 
     @property
-    def seen(self) -> ArmFeedback:
+    def feedback(self) -> ArmFeedback:
         """The arm as last measured. Only after `open`."""
         assert self._seen is not None
         return self._seen
@@ -113,7 +113,7 @@ class Driver:
         told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
         def body(number: int, handle: CommandHandle) -> None:
-            execute_path(handle, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
+            execute_path(handle, self._kortex, self._grip.close, told, self._current(number), lambda: self.feedback)
 
         return self._send(body)
 
@@ -306,11 +306,11 @@ class Driver:
             asked_s = time.monotonic()
             # The feedback has to agree too, or it is from before.
             while self._kortex.ready() and time.monotonic() < end:
-                if self.seen.time_s > asked_s and not self.seen.faults:
+                if self.feedback.time_s > asked_s and not self.feedback.faults:
                     return
                 self._over.wait(FEEDBACK_S)
             self._over.wait(0.05)
-        if left := " ".join(self.seen.faults):
+        if left := " ".join(self.feedback.faults):
             raise DeviceError(f"The arm is still in fault: {left} Remove the cause, then press Resume again.")
         raise DeviceError("The arm is not ready yet; wait until it is at rest, then press Resume again.")
 

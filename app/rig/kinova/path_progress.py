@@ -5,7 +5,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.arm.path import SCALE, whole
+from app.arm.path import SCALE, normalize
 from app.core.types import ToolPath, ToolPose
 
 _MOVES = SCALE * np.array([1.0] * 7 + [0.0])
@@ -65,7 +65,7 @@ class Along:
         index = self._segment(come)
         length = float(self._at[index + 1] - self._at[index])
         share = (come - self._at[index]) / length if length > _SHORTEST_M else 1.0
-        return whole(self._points[index] + share * (self._points[index + 1] - self._points[index]))
+        return normalize(self._points[index] + share * (self._points[index + 1] - self._points[index]))
 
 
 def _align_sign(tool: ToolPose, like: ToolPose) -> Float64[np.ndarray, "8"]:

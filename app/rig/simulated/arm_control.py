@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.arm.jogging import Jogging, finite, still
-from app.arm.path import PathFollower, whole
+from app.arm.path import PathFollower, normalize
 from app.config import Site
 from app.core.dialogue.jog import Jog
 from app.core.messages import ArmMode
@@ -83,7 +83,7 @@ class ArmControl:
         if self._path is not None:
             self.commanded = self._path.advance(duration_s)
         before = self.measured
-        self.measured = whole(self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S))
+        self.measured = normalize(self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S))
         self.velocity = (self.measured - before)[:3] / duration_s
         if self._path is not None and self._path.at_rest and self._has_arrived():
             self._path = None

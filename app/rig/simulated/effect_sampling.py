@@ -11,21 +11,9 @@ from app.core.geometry.scene_description import Rope, RopeModel
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
+from app.sim import effects
 from app.sim.files import files_of
-
-IMPOSSIBLE = {
-    "cohesion": "there are no grains in this world",
-    "shear_thinning": "there is no liquid in this world",
-    **dict.fromkeys(
-        ("resolution", "contact_softness", "contact_distance", "finger_climb", "finger_press"),
-        "it is an error of our own numerics, which another engine does not have",
-    ),
-    **dict.fromkeys(
-        ("bending_viscosity", "lasting_bends", "bend_yield", "rope_mass"),
-        "it differs from rope to rope, and is fitted whatever the cause",
-    ),
-}
-"""Causes of discovery's catalogue that cannot be injected here, with the reason."""
+from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
 
 MISTUNED = 0.3
 """Largest deviation of the friction of table and finger and of the rope's stiffness, as a share of the nominal
@@ -41,9 +29,16 @@ class InjectionRequest(NamedTuple):
     size: float | None
 
 
-def known() -> dict[str, Hidden]:
-    """Every injectable effect by name: each file of the folder `hidden`."""
+def injectable_effects() -> dict[str, Hidden]:
+    """Every injectable effect by name: each file of the folder `injected_effects`."""
     return {name: module.HIDDEN for name, module in files_of(injected_effects)}
+
+
+def not_injectable() -> dict[str, str]:
+    """Reasons why causes of discovery's catalogue cannot be injected here, by name."""
+    said = {name: module.EFFECT.not_injectable for name, module in files_of(effects)}
+    own = dict.fromkeys(NUMERICS, OURS) | {name: unknown.not_injectable for name, unknown in ROD_NUMERICS.items()}
+    return {name: reason for name, reason in (said | own).items() if reason}
 
 
 def draw(requests: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:
@@ -102,13 +97,11 @@ def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
 
 
 def _requested_effects(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
-    files = known()
+    files, impossible = injectable_effects(), not_injectable()
     names = [request.name for request in requests]
     for request in sorted(requests, key=lambda request: request.name):
-        if request.name in IMPOSSIBLE:
-            raise UsageError(
-                f"{request.name} cannot be hidden: {IMPOSSIBLE[request.name]}. What can be: {', '.join(files)}."
-            )
+        if reason := impossible.get(request.name):
+            raise UsageError(f"{request.name} cannot be hidden: {reason}. What can be: {', '.join(files)}.")
         if request.name not in files:
             raise UsageError.unknown("effect", request.name, files)
         if names.count(request.name) > 1:

@@ -46,7 +46,7 @@ class Demonstrating:
         if self._studio is None:
             self._announcer.notice("clip", "This session is not recorded; there is nothing to keep.")
             return
-        await self._announcer.recorded()
+        await self._announcer.flush()
         try:
             path = await self._studio.clip(request.duration_s)
         except DipacError as error:
@@ -64,7 +64,7 @@ class Demonstrating:
         if self._path is not None:
             self._announcer.notice("demonstration", f"Demonstration {self._number} is being recorded; end it first.")
             return
-        await self._announcer.recorded()
+        await self._announcer.flush()
         self._path = await studio.begin(opening)
         self._number, self._transitions = self._number + 1, 0
         self._say("recording", path=self._path)
@@ -78,7 +78,7 @@ class Demonstrating:
             self._announcer.notice("demonstration", text)
             return
         path, self._path = self._path, None
-        await self._announcer.recorded()
+        await self._announcer.flush()
         await studio.end(said, operator=operator)
         self._succeeded += said == "success"
         self._say(said or "discarded", path=path)

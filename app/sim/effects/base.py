@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, TypeVar, cast, final
 
 import warp as wp
 
-from app.sim.parameter import ParameterSpec
+from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 WarpFunction: TypeAlias = Callable[..., Any]
@@ -80,7 +80,12 @@ def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
 
 
 def linear(
-    name: str, unit: str, ends: tuple[float, float, float], about: str, scaling: tuple[int, int] = (0, 0)
+    name: str,
+    unit: str,
+    ends: tuple[float, float, float],
+    about: str,
+    scaling: tuple[int, int] = (0, 0),
+    rod_null_prior: NullPrior | None = None,
 ) -> ParameterSpec:
     """A parameter that vanishes at 0, on a linear scale; `ends` are its lowest, typical and highest value."""
     low, typical, high = ends
@@ -94,6 +99,7 @@ def linear(
         scaling=scaling,
         scale="linear",
         about=about,
+        rod_null_prior=rod_null_prior,
     )
 
 
@@ -119,6 +125,10 @@ class Effect:
     """Parameters that change their sign where the object's other end is called the first."""
     catalogued: bool = True
     """True if discovery may name it as a cause; else it is a library term for what no cause explains."""
+    spelling: tuple[str, str] | None = None
+    """Part of the file's and the parameters' names that is a name or a compound, and how people write it."""
+    not_injectable: str = ""
+    """Reason why no world of a rig can have it; where that is empty, `rig/simulated/injected_effects` has its file."""
 
     node_velocity: WarpFunction | None = None
     """Hook on a node's velocity [m/s], after gravity and before contact."""

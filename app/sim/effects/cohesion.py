@@ -32,5 +32,6 @@ EFFECT = Effect(
             about="Cohesion of grains, beyond the material's own.",
         ),
     ),
+    not_injectable="there are no grains in this world",
     cohesion=added_cohesion,
 )

@@ -34,8 +34,20 @@ def pull_on_section(phi: EffectParameters, rods: RodContext) -> EffectParameters
 
 EFFECT = Effect(
     parameters=(
-        linear("draught_x", "1", (-0.5, 0.1, 0.5), "Pull of a draught along x, as a share of weight."),
-        linear("draught_y", "1", (-0.5, 0.1, 0.5), "Pull of a draught along y, as a share of weight."),
+        linear(
+            "draught_x",
+            "1",
+            (-0.5, 0.1, 0.5),
+            "Pull of a draught along x, as a share of weight.",
+            rod_null_prior=(0.0, 0.049),
+        ),
+        linear(
+            "draught_y",
+            "1",
+            (-0.5, 0.1, 0.5),
+            "Pull of a draught along y, as a share of weight.",
+            rod_null_prior=(0.0, 0.049),
+        ),
     ),
     node_velocity=blown_velocity,
     rod=RodEffect(

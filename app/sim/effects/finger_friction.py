@@ -38,6 +38,8 @@ EFFECT = Effect(
             typical=0.6,
             scale="log",
             about="Coulomb friction coefficient between the object and the finger.",
+            null_prior=(0.0, 0.2),
+            rod_null_prior=(0.195, 0.26),
         ),
     ),
     tool_friction=scaled_friction,

@@ -37,6 +37,8 @@ EFFECT = Effect(
             typical=0.2,
             scale="linear",
             about="How much more the table rubs along x, and less along y, as a share of its friction.",
+            null_prior=(0.0, 0.14),
+            rod_null_prior=(0.0, 0.081),
         ),
         ParameterSpec(
             name="anisotropy_diagonals",
@@ -47,6 +49,8 @@ EFFECT = Effect(
             typical=0.2,
             scale="linear",
             about="How much more the table rubs along the diagonal x = y, and less along x = -y.",
+            null_prior=(0.0, 0.14),
+            rod_null_prior=(0.0, 0.081),
         ),
     ),
     table_friction=directed_friction,

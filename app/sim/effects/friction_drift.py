@@ -35,6 +35,7 @@ EFFECT = Effect(
             typical=0.4,
             scale="linear",
             about="Change of the table's friction from the beginning to the end of the session, as a share of it.",
+            rod_null_prior=(0.016, 0.055),
         ),
     ),
     table_friction=drifted_friction,

@@ -39,6 +39,8 @@ EFFECT = Effect(
             typical=1.0,
             scale="linear",
             about=f"Relative growth of the table's friction along x, from {MIDDLE}.",
+            null_prior=(0.0, 0.12),
+            rod_null_prior=(0.0, 0.138),
         ),
         ParameterSpec(
             name="friction_slope_y",
@@ -49,6 +51,8 @@ EFFECT = Effect(
             typical=1.0,
             scale="linear",
             about=f"Relative growth of the table's friction along y, from {MIDDLE}.",
+            null_prior=(0.0, 0.12),
+            rod_null_prior=(0.0, 0.138),
         ),
     ),
     table_friction=placed_friction,

@@ -41,6 +41,7 @@ EFFECT = Effect(
             scaling=(1, -1),
             scale="linear",
             about="Rate at which a hidden post stops what approaches it.",
+            rod_null_prior=(0.0, 0.462),
         ),
         *place("obstacle", "the hidden post"),
     ),

@@ -41,8 +41,10 @@ EFFECT = Effect(
             scaling=(1, -1),
             scale="linear",
             about="Viscosity of a solid, beside its elasticity.",
+            rod_null_prior=(-0.007, 1.893),
         ),
     ),
+    spelling=("kelvin_voigt", "Kelvin\N{EN DASH}Voigt damping"),
     viscosity=solid_viscosity,
     rod=RodEffect(properties=viscous_rods),
 )

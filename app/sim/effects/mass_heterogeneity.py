@@ -38,6 +38,8 @@ EFFECT = Effect(
             typical=0.35,
             scale="linear",
             about="Logarithm of the mass per length at the object's far end over that in its middle.",
+            null_prior=(0.0, 0.5),
+            rod_null_prior=(0.0, 0.16),
         ),
         ParameterSpec(
             name="mass_bow",
@@ -48,6 +50,8 @@ EFFECT = Effect(
             typical=0.25,
             scale="linear",
             about="Two thirds of the logarithm of the mass per length at both ends over that in the middle.",
+            null_prior=(0.0, 0.5),
+            rod_null_prior=(0.21, 0.446),
         ),
     ),
     odd=("mass_slope",),

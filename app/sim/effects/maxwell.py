@@ -31,8 +31,11 @@ EFFECT = Effect(
             scaling=(-1, 0),
             scale="linear",
             about="Rate at which the stress of a deformed solid decays.",
+            null_prior=(0.0, 0.3),
+            rod_null_prior=(0.004, 0.468),
         ),
     ),
+    spelling=("maxwell", "Maxwell relaxation"),
     kept=relaxed_share,
     rod=RodEffect(bend="e *= phi[0];", numbers=lambda phi, rods: 1 / (1 + phi * rods.scene.dt_s)),
 )

@@ -9,8 +9,8 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import MIDDLE_M, Effect, NodeContext
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import MIDDLE_M, Effect, NodeContext, linear
+from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 MIDDLE_X, MIDDLE_Y = MIDDLE_M
@@ -26,22 +26,34 @@ def placed_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.vec3
     return v + node.gravity * node.dt * wp.vec3(ahead, aside, 0.0)
 
 
-def _share(name: str, unit: str, typical: float, about: str) -> ParameterSpec:
+def _share(name: str, unit: str, typical: float, about: str, rod_null_prior: NullPrior) -> ParameterSpec:
     """A coefficient of either sign, up to five times as large as it is typically met."""
     end = 5 * typical
-    return ParameterSpec(
-        name=name, unit=unit, nominal=0.0, low=-end, high=end, typical=typical, scale="linear", about=about
-    )
+    return linear(name, unit, (-end, typical, end), about, rod_null_prior=rod_null_prior)
 
 
 EFFECT = Effect(
     parameters=(
-        _share("push_x", "1", 0.1, "Push along x, as a share of weight."),
-        _share("push_y", "1", 0.1, "Push along y, as a share of weight."),
-        _share("spread", "1/m", 0.8, "Push away from a point by each metre from it, as a share of weight."),
-        _share("swirl", "1/m", 0.8, "Push round a point, to the left, by each metre from it, as a share of weight."),
-        _share("stretch_axes", "1/m", 0.8, "Push outwards along x and inwards along y, a metre, as a share of weight."),
-        _share("stretch_diagonals", "1/m", 0.8, "The same along the diagonals x = y and x = -y."),
+        _share("push_x", "1", 0.1, "Push along x, as a share of weight.", (0.0, 0.01)),
+        _share("push_y", "1", 0.1, "Push along y, as a share of weight.", (0.0, 0.01)),
+        _share(
+            "spread", "1/m", 0.8, "Push away from a point by each metre from it, as a share of weight.", (-0.004, 0.01)
+        ),
+        _share(
+            "swirl",
+            "1/m",
+            0.8,
+            "Push round a point, to the left, by each metre from it, as a share of weight.",
+            (0.0, 0.008),
+        ),
+        _share(
+            "stretch_axes",
+            "1/m",
+            0.8,
+            "Push outwards along x and inwards along y, a metre, as a share of weight.",
+            (0.0, 0.008),
+        ),
+        _share("stretch_diagonals", "1/m", 0.8, "The same along the diagonals x = y and x = -y.", (0.0, 0.008)),
     ),
     catalogued=False,
     node_velocity=placed_velocity,

@@ -39,6 +39,8 @@ EFFECT = Effect(
             scaling=(0, 1),
             scale="linear",
             about="One over the largest deviatoric stress that a solid bears without yielding.",
+            null_prior=(0.0, 0.05),
+            rod_null_prior=(0.404, 0.554),
         ),
     ),
     kept=yielded_share,

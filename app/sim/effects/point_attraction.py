@@ -35,6 +35,7 @@ EFFECT = Effect(
             typical=0.1,
             scale="linear",
             about="Largest pull towards a point of the table, as a share of weight; negative pushes away.",
+            rod_null_prior=(0.0, 0.101),
         ),
         *place("attraction", "the point that attracts"),
     ),

@@ -36,6 +36,7 @@ EFFECT = Effect(
             scaling=(1, -1),
             scale="linear",
             about="Rate at which a spot holds what moves over it.",
+            rod_null_prior=(0.0, 0.563),
         ),
         *place("constraint", "the spot that holds"),
     ),

@@ -40,6 +40,7 @@ EFFECT = Effect(
             typical=4.0,
             scale="linear",
             about="Curvature of the unloaded object, positive to the left of its direction.",
+            rod_null_prior=(0.0, 0.269),
         ),
     ),
     rest=curved_rest,

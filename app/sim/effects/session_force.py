@@ -31,6 +31,7 @@ def _growth(axis: str) -> ParameterSpec:
         typical=0.2,
         scale="linear",
         about=f"Change of a push along {axis} from the beginning to the end of the session, as a share of weight.",
+        rod_null_prior=(0.0, 0.027),
     )
 
 

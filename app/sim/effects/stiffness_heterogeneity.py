@@ -38,6 +38,8 @@ EFFECT = Effect(
             typical=0.5,
             scale="linear",
             about="Logarithm of the stiffness at the object's far end over that in its middle.",
+            null_prior=(0.0, 0.17),
+            rod_null_prior=(0.0, 0.237),
         ),
         ParameterSpec(
             name="stiffness_bow",
@@ -48,6 +50,8 @@ EFFECT = Effect(
             typical=0.4,
             scale="linear",
             about="Two thirds of the logarithm of the stiffness at both ends over that in the middle.",
+            null_prior=(0.0, 0.17),
+            rod_null_prior=(0.033, 0.288),
         ),
     ),
     odd=("stiffness_slope",),

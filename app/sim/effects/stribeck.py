@@ -34,6 +34,7 @@ EFFECT = Effect(
             typical=0.4,
             scale="linear",
             about="How much greater friction is at rest than when sliding, as a share of the latter.",
+            rod_null_prior=(0.0, 0.174),
         ),
         ParameterSpec(
             name="stribeck_speed",
@@ -46,6 +47,7 @@ EFFECT = Effect(
             about="Sliding speed beyond which the excess is gone.",
         ),
     ),
+    spelling=("stribeck", "Stribeck friction"),
     switches=1,
     table_friction=stribeck_friction,
     rod=RodEffect(friction="mu *= 1.0f + phi[0] * exponential(-(vx * vx + vy * vy) / (phi[1] * phi[1]));"),

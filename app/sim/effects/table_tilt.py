@@ -34,6 +34,7 @@ EFFECT = Effect(
             typical=1.0,
             scale="linear",
             about="Tilt of the table about x: positive raises its +y side.",
+            rod_null_prior=(0.0, 0.06),
         ),
         ParameterSpec(
             name="tilt_y",
@@ -44,6 +45,7 @@ EFFECT = Effect(
             typical=1.0,
             scale="linear",
             about="Tilt of the table about y: positive lowers its +x side.",
+            rod_null_prior=(0.0, 0.06),
         ),
     ),
     node_velocity=tilted_velocity,

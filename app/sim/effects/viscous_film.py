@@ -42,6 +42,7 @@ EFFECT = Effect(
             scaling=(1, -1),
             scale="linear",
             about="Rate at which a viscous film slows what touches the table.",
+            rod_null_prior=(0.339, 0.539),
         ),
     ),
     node_velocity=film_velocity,

@@ -13,7 +13,7 @@ from app.core.bounds import check_range
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Finger, Rope, Stage
 from app.core.messages import Proposal, fresh_id
-from app.core.task_name import TaskName, recorded
+from app.core.task_name import TaskName, recorded_name
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
 
@@ -195,9 +195,9 @@ class Task:
         return with_stiffness_up_to(ROD_PARAMETERS, most if stiff is None else usual)
 
     @property
-    def recorded(self) -> str:
+    def recorded_name(self) -> str:
         """Its name in recordings: without its dynamics."""
-        return recorded(self.name)
+        return recorded_name(self.name)
 
     @property
     def problem(self) -> str:
@@ -307,13 +307,13 @@ class Task:
         """The object of a simulated world as perfect cameras would see it, as particles [m]."""
         return self.problems.particles(nodes, particle_count)
 
-    def done(self, x: Points, goal: Points, tool: ToolPose) -> bool:
+    def is_done(self, x: Points, goal: Points, tool: ToolPose) -> bool:
         """True if an object that truly is at `x` (N, 3) [m] meets the criterion and stays there without the tool."""
-        return self._empty(tool) and self.success.reached(x, goal)
+        return self._empty(tool) and self.success.is_reached(x, goal)
 
-    def ended(self, seen: Points, goal: Points, tool: ToolPose | None = None) -> bool:
+    def has_ended(self, seen: Points, goal: Points, tool: ToolPose | None = None) -> bool:
         """True if an object observed at `seen` (N, 3) [m], with the tool there, needs no further action."""
-        return self._empty(tool) and (self.stop_when or self.success).reached(seen, goal)
+        return self._empty(tool) and (self.stop_when or self.success).is_reached(seen, goal)
 
     def _empty(self, tool: ToolPose | None) -> bool:
         """True if the tool surely holds nothing, as one that is nowhere near."""
@@ -371,9 +371,9 @@ class EpisodeConfig:
         """Goal in the frame of the observations [m]."""
         return self.goal.positions if self.shown_goal is None else self.shown_goal
 
-    def reached(self, particles: Particles, tool: ToolPose) -> bool:
+    def is_reached(self, particles: Particles, tool: ToolPose) -> bool:
         """True if the task is done, by the observation and the tool's pose."""
-        return self.task.ended(particles.positions, self.target, tool)
+        return self.task.has_ended(particles.positions, self.target, tool)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

@@ -14,7 +14,7 @@ from app.core.types import Points
 class SuccessCriterion(Protocol):
     """Criterion on particles `x` (N, 3) [m], given the goal (M, 3) [m]."""
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """True if the task is done."""
         ...
 
@@ -30,7 +30,7 @@ class Near:
 
     limit_m2: float
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """Within the limit."""
         return bool(chamfer_m2(x, goal) <= self.limit_m2)
 
@@ -47,7 +47,7 @@ class OnMat:
     mat: Mat
     enough: float
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """Enough of it is there, wherever on the mat."""
         return self.share(x, goal) >= self.enough
 
@@ -66,7 +66,7 @@ class InBowl:
     radius_m: float
     least: float
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """Enough of it."""
         return self.share(x, goal) >= self.least
 
@@ -92,7 +92,7 @@ class Hung:
     least_side: float = 0.25
     nearly: float = 0.97
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """True if it hangs."""
         before = float(np.mean(x[:, 1] < self.y_m))
         return self.share(x, goal) >= self.nearly and self.least_side <= before <= 1 - self.least_side
@@ -111,7 +111,7 @@ class Beyond:
     x_m: float
     enough: float
 
-    def reached(self, x: Points, goal: Points) -> bool:
+    def is_reached(self, x: Points, goal: Points) -> bool:
         """Enough of it is beyond."""
         return self.share(x, goal) >= self.enough
 

@@ -84,7 +84,7 @@ class Page:
         )
 
 
-def refused(reason: str) -> str:
+def refusal_page(reason: str) -> str:
     """The page for a visitor without the token."""
     return (
         '<!doctype html><meta charset="utf-8"><title>dipac: not admitted</title>'

@@ -18,7 +18,7 @@ from aiohttp import web
 from app.ui.parts.rate_limiter import RateLimiter
 from app.ui.server.access import Access
 from app.ui.server.message_validation import BURST, MOST_BYTES, STEADY_HZ, refusal
-from app.ui.server.page import ASSETS, ENTERING, Page, refused
+from app.ui.server.page import ASSETS, ENTERING, Page, refusal_page
 from app.ui.server.viser_host import PROXY_HEADER
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -108,7 +108,7 @@ class Proxy:
         why = self._access.refusal(host=request.host, origin=origin, cookie=cookie, acts=acts)
         if why is not None:
             self._refused(why)
-            return web.Response(status=403, text=refused(why), content_type="text/html", headers=_HEADERS)
+            return web.Response(status=403, text=refusal_page(why), content_type="text/html", headers=_HEADERS)
         if request.path in ("/", "/jog") and _upgrades(request):
             return await handler(request)  # A page that stays open; those are counted separately.
         if self._requests >= _MOST_REQUESTS and request.path != "/stop":

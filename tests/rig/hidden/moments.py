@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.rig.simulated.effect_sampling import known
+from app.rig.simulated.effect_sampling import injectable_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, Moment
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -14,7 +14,7 @@ SEGMENTS = 40
 
 
 def effect(name: str) -> Hidden:
-    return known()[name]
+    return injectable_effects()[name]
 
 
 def injected(name: str, *values: float) -> InjectedEffect:

@@ -11,7 +11,7 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.rig.simulated.effect_sampling import IMPOSSIBLE, InjectionRequest, draw, known
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, not_injectable
 from app.rig.simulated.injected_effects.base import InjectedEffect, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
@@ -19,7 +19,7 @@ from app.tasks import load
 from tests.rig.hidden.moments import track, world
 from tests.rig.scene import PUSH_Z, ROPE
 
-FILES, MODULES = known(), dict(files_of(injected_effects))
+FILES, MODULES = injectable_effects(), dict(files_of(injected_effects))
 CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
@@ -110,8 +110,8 @@ def test_what_is_drawn_follows_from_the_seed_and_has_the_size_asked_for(name: st
 def test_everything_of_the_catalogue_can_be_hidden_or_is_said_to_be_impossible() -> None:
     of_rods = catalogue(subject_of(load("rope_push@rods")).rods)
     causes = {cause.name for known in (CATALOGUE, of_rods) for cause in known.causes}
-    assert {name for name, effect in FILES.items() if effect.catalogued} == causes - set(IMPOSSIBLE)
-    assert set(IMPOSSIBLE) < causes
+    assert {name for name, effect in FILES.items() if effect.catalogued} == causes - set(not_injectable())
+    assert set(not_injectable()) < causes
     others = {name for name, effect in FILES.items() if not effect.catalogued}
     assert len(others) >= 4
     assert not others & causes

@@ -148,7 +148,7 @@ class Firmware:
             info = decode(SessionInfo, frame.payload)
         except WireError as error:
             return _error_reply(frame, SERVER_ERROR, UNREADABLE, str(error))
-        if refused := self.sessions.refused(info):
+        if refused := self.sessions.refusal_code(info):
             return _error_reply(frame, SERVER_ERROR, refused, "")
         session = self.sessions.create(info, address)
         return _reply(dataclasses.replace(frame, session=session.number), Empty())

@@ -46,7 +46,7 @@ class Sessions:
         """The open session of that number, None where there is none."""
         return self._open.get(number)
 
-    def refused(self, info: SessionInfo) -> int:
+    def refusal_code(self, info: SessionInfo) -> int:
         """Sub error with which such a session is refused, 0 where it is accepted."""
         if info.username != USER:
             return NO_USER
