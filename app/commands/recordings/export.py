@@ -79,7 +79,7 @@ def _atomic_folder(output: Path) -> Generator[Path]:
 def _chosen(terminal: Console, entries: Sequence[Entry], labelled: str | None) -> Sequence[Entry]:
     for entry in entries:
         if entry.condition != "whole":
-            terminal.print(f"{entry.path} is left out: {entry.condition}. {entry.why}")
+            terminal.print(f"Left out: {entry.state}")
     chosen = [it for it in entries if it.condition == "whole" and labelled in (None, it.said)]
     if not chosen:
         kind = f" labelled {labelled}" if labelled else ""

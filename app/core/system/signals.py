@@ -1,6 +1,7 @@
 """Signals by which a system ends a program: all of them end it in order, as Ctrl-C does."""
 
 import signal
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
@@ -36,9 +37,13 @@ class EndingSignal:
 def system_interrupts() -> Generator[EndingSignal]:
     """While open, the first signal of the system interrupts the main thread as Ctrl-C does; later ones do nothing more.
 
-    A signal that is ignored already, as SIGHUP is under `nohup`, stays so. To be opened in the main thread.
+    A signal that is ignored already, as SIGHUP is under `nohup`, stays so. Python lets the main thread alone take
+    signals: opened in another one, it does nothing.
     """
     ending = EndingSignal()
+    if threading.current_thread() is not threading.main_thread():
+        yield ending
+        return
 
     def end(number: int, _frame: FrameType | None) -> None:
         if ending.number != signal.SIGINT:
