@@ -137,9 +137,11 @@ def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
     _keep_compiled()
     import tyro  # Costs more than everything else here together, and `--help` does without it.
 
+    from app.commands._paths import REGISTRY
+
     module = importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))
     read = getattr(module, "ARGUMENTS", list[str])
-    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments))
+    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments), registry=REGISTRY)
 
 
 def _overview(files: dict[str, Path], prog: str) -> str:

@@ -19,6 +19,7 @@ from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
 from app.core.geometry.lens import Lens
 from app.core.geometry.table_place import AT_BASE, TablePlace
+from app.core.system.disk import replacement
 from app.core.types import Transform
 
 SCHEMA = 1
@@ -67,9 +68,8 @@ def save_camera(path: Path, found: HandEye) -> None:
     cameras[found.serial] = found
     table = {"schema": SCHEMA, "cameras": {serial: _entry(each) for serial, each in sorted(cameras.items())}}
     try:
-        new = path.with_name(f".{path.name}.new")
-        new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
+        with replacement(path) as new:
+            new.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"Cannot write the calibration to {path}: {error.strerror}; choose another place.") from None
 

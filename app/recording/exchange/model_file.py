@@ -14,6 +14,7 @@ import tomli_w
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.core.system.disk import replacement
 from app.core.task_name import TaskName, recorded
 
 SCHEMA = 2
@@ -40,9 +41,8 @@ def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingPr
     if model.extension != Extension():
         table["extension"] = vars(model.extension) | {"recordings": dict(model.extension.recordings)}
     try:
-        new = path.with_name(f".{path.name}.new")
-        new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
+        with replacement(path) as new:
+            new.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"Cannot write the model to {path}: {error.strerror}; choose another place with -o.") from None
 

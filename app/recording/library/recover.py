@@ -8,6 +8,7 @@ from typing import final
 from mcap.reader import make_reader
 
 from app.core.errors import RecordingError
+from app.core.system.disk import link_target, path_beside
 from app.recording.format import digests
 from app.recording.format.integrity import DAMAGE, damage_of, ends_as_mcap, reading, require_file, starts_as_mcap
 from app.recording.format.lock import is_being_written
@@ -49,7 +50,7 @@ def recover(path: Path) -> Recovered:
         if is_being_written(path):
             raise RecordingError(f"{path} is being written; end the program that records it first.")
     goal = path.with_name(f"{path.stem}.recovered.mcap")
-    draft = goal.with_suffix(".draft")
+    draft = path_beside(goal, ".draft")
     try:
         salvage = Salvage(path)
         messages = write_records(salvage, draft)
@@ -60,7 +61,7 @@ def recover(path: Path) -> Recovered:
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
         for label in labels(goal) if goal.is_file() else ():  # Labels of an earlier recovery.
             append_metadata(draft, LABEL, label.written())
-        draft.replace(goal)
+        draft.replace(link_target(goal))
         digests.note(goal)
     except OSError as error:
         raise RecordingError(
