@@ -31,8 +31,8 @@ def points_in(name: str, data: bytes) -> Cloud:
     if bad.any():
         first = int(np.argmax(bad))
         raise UsageError(
-            f"{name}: point {first}, {points[first].tolist()}, is not finite, as {int(bad.sum())} of {len(points)} are; "
-            "leave out what was not measured."
+            f"{name}: point {first}, {points[first].tolist()}, is not finite, as {int(bad.sum())} of {len(points)} "
+            "are; leave out what was not measured."
         )
     return points[:: -(-len(points) // _MOST_POINTS)].astype(np.float32)
 
