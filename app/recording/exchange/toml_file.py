@@ -23,9 +23,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ValueError("it is in UTF-16; save it as UTF-8")
     try:
         text = data.decode("utf-8-sig")
-        return tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ValueError(f"it is not in UTF-8 ({error.reason} at byte {error.start}); save it as UTF-8") from None
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{error}{_remedy(text, str(error))}") from None
     except (RecursionError, OverflowError) as error:

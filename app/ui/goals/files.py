@@ -10,6 +10,7 @@ from PIL import Image
 
 from app.core.errors import UsageError
 from app.core.types import Cloud, ColourImage, DepthImage
+from app.recording.exchange.image_file import colours_of
 from app.recording.exchange.points_file import SUFFIXES, points_in
 
 _PICTURES: Final = ("png", "jpg", "jpeg")
@@ -49,7 +50,8 @@ def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
     if len(depth) != 1 or len(color) != 1:
         raise UsageError(f"Of {', '.join(opened)} one must be a 16-bit depth picture and one in colour; {_ADVICE}.")
     try:
-        return np.array(color[0].convert("RGB")), np.array(depth[0]).astype(np.uint16)
+        ((name, picture),) = ((name, image) for name, image in opened.items() if image is color[0])
+        return colours_of(picture, files[name]), np.array(depth[0]).astype(np.uint16)
     except (OSError, SyntaxError, ValueError) as error:
         raise UsageError(f"A picture is damaged ({error}); take it again.") from None
 
