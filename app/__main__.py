@@ -7,30 +7,37 @@ there is a command with commands of its own, found in the same way; the docstrin
 
 import ast
 import atexit
+import errno
 import importlib
 import os
 import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from app import __version__
-from app.core.errors import DipacError, UsageError
+from app.core.errors import DipacError, PreflightError, UsageError
+from app.core.system.signals import EndingSignal, system_interrupts
+from app.core.system.standard_streams import OutputRefused, prepare_streams, silence
 
 COMMANDS = Path(__file__).parent / "commands"
-INTERRUPTED = 130
-"""Exit code that a shell reports for a program ended by Ctrl-C: 128 + SIGINT."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line (that of the process by default); returns the exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    return exit_code_of(lambda: _run(given))
+    prepare_streams()
+    with system_interrupts() as ending:
+        return exit_code_of(lambda: _run(given), ending)
 
 
-def exit_code_of(action: Callable[[], None]) -> int:
+def exit_code_of(action: Callable[[], None], ending: EndingSignal | None = None) -> int:
     """Exit code of `action`: 0 on return; a deliberate error's own, printed on stderr in one line; 130 for Ctrl-C.
+
+    Another signal that ends the program is the `ending`. Text that standard output does not take ends the program
+    as well, silently where its reader has left (`| head`).
 
     A library that is not installed is a fault of the installation, and reported in one line as well.
 
@@ -38,12 +45,16 @@ def exit_code_of(action: Callable[[], None]) -> int:
     deliberate. Anything else is a defect of the program and keeps its traceback.
     """
     try:
-        action()
+        try:
+            action()
+        finally:
+            sys.stdout.flush()
     except (DipacError, KeyboardInterrupt, BaseExceptionGroup) as error:
         leaves = list(_leaves(error))
         if any(isinstance(leaf, KeyboardInterrupt) for leaf in leaves):
-            _complain("interrupted")
-            return INTERRUPTED
+            ended_by = ending or EndingSignal()
+            _complain(ended_by.text)
+            return ended_by.exit_code
         deliberate = [leaf for leaf in leaves if isinstance(leaf, DipacError)]
         if len(deliberate) < len(leaves):
             raise
@@ -55,6 +66,12 @@ def exit_code_of(action: Callable[[], None]) -> int:
             raise
         _complain(f"the Python package {error.name} is missing: `make clean setup` makes .venv anew; recordings stay")
         return DipacError.exit_code
+    except OutputRefused as error:
+        silence(sys.stdout)
+        if error.errno == errno.EPIPE:
+            return DipacError.exit_code
+        _complain(f"cannot print ({error.strerror}); make room, or print to another place")
+        return PreflightError.exit_code
     return 0
 
 
@@ -120,9 +137,11 @@ def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
     _keep_compiled()
     import tyro  # Costs more than everything else here together, and `--help` does without it.
 
+    from app.commands._paths import REGISTRY
+
     module = importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))
     read = getattr(module, "ARGUMENTS", list[str])
-    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments))
+    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments), registry=REGISTRY)
 
 
 def _overview(files: dict[str, Path], prog: str) -> str:
@@ -152,7 +171,8 @@ def _complain(text: str) -> None:
     from rich.console import Console  # Only a program that fails pays for it.
 
     line = " ".join(f"dipac: {text}".splitlines())
-    Console(stderr=True, soft_wrap=True).print(line, style="red", markup=False, highlight=False)
+    with suppress(OSError):  # The exit code says it, too, where nobody reads stderr.
+        Console(stderr=True, soft_wrap=True).print(line, style="red", markup=False, highlight=False)
 
 
 if __name__ == "__main__":

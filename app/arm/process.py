@@ -1,7 +1,6 @@
 """The arm's own process: a control loop with gate and watchdog, for any kind of arm."""
 
 import os
-import signal
 import time
 from collections.abc import Callable
 from typing import TypeAlias, final
@@ -31,7 +30,6 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
 
     It ends once the arm is at rest. Raises DeviceError where `take` finds no arm.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     ask_for_real_time()
     control = take(site)
     loop = ControlLoop(memory, site, control)

@@ -3,8 +3,12 @@
 import difflib
 import math
 import re
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
+from ipaddress import ip_address
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Final, TypeAlias, final
 
 import msgspec
@@ -14,10 +18,13 @@ from app.config import KeepOut, Limits, Reach, Site, Workspace
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
+from app.recording.exchange.toml_file import read_toml
 from app.rig.kinova.client.clients import CLIENTS
 from app.rig.kinova.gen3 import reach_over
 
 SCHEMA: Final = 1
+_BELOW_M: Final = 0.02
+"""Depth below the table at which a workspace may begin: a table is never known better than to some millimetres."""
 _MOST: Final = Limits()
 Point: TypeAlias = tuple[float, float, float]
 """x y z [m] in the frame of the table."""
@@ -103,16 +110,30 @@ class CellFile(_Entry, frozen=True):
     calibration: str = "calibration.toml"
 
 
+_PLACES: Final[Mapping[str, type[_Entry]]] = MappingProxyType(
+    {
+        "to the beginning of the file, before all tables": CellFile,
+        "into [limits]": Within,
+        "into [[cameras]]": CameraEntry,
+        "into [arm]": ArmEntry,
+        "into [arm.tool]": ToolEntry,
+        "into [table]": TableEntry,
+        "into [[limits.keep_out]]": Volume,
+    }
+)
+"""Tables of the file, by where they stand in it."""
+
+
 def load_cell(path: Path) -> CellFile:
     """Read and check a cell file.
 
     Raises UsageError where it is missing, and RecordingError, which names the error, where it is invalid.
     """
     try:
-        cell = msgspec.toml.decode(path.read_bytes(), type=CellFile)
+        cell = msgspec.convert(read_toml(path), CellFile)
     except OSError as error:
         raise UsageError(f"Cannot read the cell {path}: {error.strerror}; docs/real-cell.md has one to copy.") from None
-    except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise RecordingError(
             f"{path} describes no cell: {error}.{_meant(str(error))} docs/real-cell.md says what it has to hold."
         ) from None
@@ -176,9 +197,24 @@ def _reach(cell: CellFile) -> Reach:
 def _meant(error: str) -> str:
     """Sentence that suggests a key similar to the unknown one that `error` names; empty where none is."""
     unknown = re.search(r"unknown field `(.+?)`", error)
-    known = {name for table in (CellFile, *_Entry.__subclasses__(), Volume) for name in table.__struct_fields__}
-    near = difflib.get_close_matches(unknown[1], sorted(known), n=1) if unknown else []
+    if unknown is None:
+        return ""
+    for place, entry in _PLACES.items():
+        if unknown[1] in entry.__struct_fields__:
+            return f" It belongs {place}."
+    known = {name for entry in _PLACES.values() for name in entry.__struct_fields__}
+    near = difflib.get_close_matches(unknown[1], sorted(known), n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def _wrong_host(host: str) -> str:
+    """Error in the address of the arm's controller; empty for a valid one."""
+    with suppress(ValueError):
+        ip_address(host)
+        return ""
+    if re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?", host):
+        return ""
+    return f"the arm's host is {host!r}; give its address alone, such as 192.168.1.10, without http:// and port"
 
 
 def _wrong(cell: CellFile) -> str:
@@ -187,13 +223,23 @@ def _wrong(cell: CellFile) -> str:
         return f"it has schema {cell.schema}, and this version reads {SCHEMA}"
     if cell.arm.client not in CLIENTS:
         return f"the arm's client is {cell.arm.client!r}, and there are {', '.join(sorted(CLIENTS))}"
+    if wrong := _wrong_host(cell.arm.host):
+        return wrong
     if not all(map(math.isfinite, cell.table.place_m)):
         return f"the table's place_m {cell.table.place_m} is not finite"
     boxes = [("workspace", cell.limits.workspace), *((each.name, each) for each in cell.limits.keep_out)]
     for name, box in boxes:
         if not all(-math.inf < low < high < math.inf for low, high in zip(box.low, box.high, strict=True)):
             return f"of {name!r} each number of low must be below that of high, and all finite"
+    whole = cell.limits.workspace
+    for each in cell.limits.keep_out:
+        if all(a <= b for a, b in zip(each.low, whole.low, strict=True)) and all(
+            a >= b for a, b in zip(each.high, whole.high, strict=True)
+        ):
+            return f"the keep-out {each.name!r} fills all of the workspace, so that no motion is left"
     low, high = cell.limits.workspace.low[2], cell.limits.workspace.high[2]
+    if low < -_BELOW_M:
+        return f"the workspace begins {-1e3 * low:.0f} mm below the table, whose top is z = 0; the tool would hit it"
     if not low < cell.travel_height_m < high:
         return f"travel_height_m {cell.travel_height_m} is not within the workspace's height {low} to {high} m"
     if (beyond_m := _beyond_m(cell, middle=True)) > 0:
@@ -203,6 +249,11 @@ def _wrong(cell: CellFile) -> str:
         )
     if len(cell.cameras) < 2:
         return f"it has {len(cell.cameras)} cameras, and one alone does not see around an object"
+    for camera in cell.cameras:
+        if not camera.name.isprintable() or camera.name != camera.name.strip(" ./") or "/" in camera.name:
+            return f"a camera is called {camera.name!r}; give a plain word such as left"
+        if not camera.name or not camera.serial.strip():
+            return "a camera has an empty name or serial; `rs-enumerate-devices -s` lists serial numbers"
     for what in ("name", "serial"):
         values = [getattr(camera, what) for camera in cell.cameras]
         if len(set(values)) < len(values):

@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -65,7 +65,10 @@ def _cell_and_cameras(file: Path | None) -> tuple[CellFile, list[Mounted]]:
 
 def calibration_of(cell: CellFile, file: Path) -> Path:
     """Path of the cameras' calibration file."""
-    return file.parent / cell.calibration
+    own = Path(cell.calibration)
+    with suppress(RuntimeError):  # Without a home, ~ is a folder like any other.
+        own = own.expanduser()
+    return file.parent / own
 
 
 def _shelf(file: Path | None) -> CalibrationFile:

@@ -1,12 +1,12 @@
 """The full name of the task that a command line asks for: its object, its tool, and how that object is simulated."""
 
-import tomllib
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
+from app.recording.exchange.toml_file import read_toml
 from app.tasks import load, name_with_dynamics
 from app.tasks.elements.sizes import SIZES
 
@@ -38,10 +38,10 @@ def read_sizes(path: Path) -> dict[str, float]:
     Raises UsageError where it cannot be read, or says anything else.
     """
     try:
-        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except OSError as error:
         raise UsageError(f"Cannot read the object {path}: {error.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise UsageError(f"{path} is no TOML file ({error}); write lines such as `length_m = 0.3`.") from None
     for name, value in table.items():
         if name not in SIZES:

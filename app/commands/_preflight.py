@@ -4,15 +4,19 @@ from pathlib import Path
 
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
+from app.core.system.disk import is_stream, link_target
 
 
 def check_writable(path: Path, option: str) -> None:
     """Raises UsageError, which names `option`, if a file cannot be written at `path`; leaves everything as it is."""
     try:
-        is_new = not path.exists()
-        path.open("ab").close()
+        if is_stream(path):
+            return
+        goal = link_target(path)
+        is_new = not goal.exists()
+        goal.open("ab").close()
         if is_new:
-            path.unlink()
+            goal.unlink()
     except OSError as error:
         raise unwritable(path, option, error) from None
 

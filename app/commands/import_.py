@@ -1,6 +1,5 @@
 """Make a recording of data that were measured with other programs (arrays in an .npz file)."""
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +14,7 @@ from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.scene_description import Rope
 from app.core.messages import Episode, Message
+from app.core.system.disk import replacement
 from app.core.task_name import TaskName
 from app.recording.exchange.npz_import import Plain, read_plain
 from app.recording.format import digests
@@ -38,6 +38,9 @@ def import_(
     arm's base; recordings are in that of the table, which is the same where --cell does not say otherwise.
     """
     terminal = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
+    if output.suffix != ".mcap":
+        name = output.name.strip("-") or "data"
+        raise UsageError(f"{output} must end in .mcap, as recordings do; write -o {name}.mcap.")
     if output.exists():
         raise UsageError(f"{output} exists; choose another place with -o, so that no recording is lost.")
     check_writable(output, "-o")
@@ -105,22 +108,19 @@ def _task_name(plain: Plain, given: str | None, file: Path) -> str:
 
 def _write(path: Path, messages: Iterable[Message]) -> None:
     """A whole recording at `path`, or none: it gets its name when it is complete."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
     remaining = iter(messages)
     first = next(remaining)
     assert isinstance(first, Episode)
     try:
-        file = EpisodeFile(unfinished, first)
-        file.write(first, now_s=first.time_s)
-        for message in remaining:
-            file.write(message, now_s=message.time_s)
-        file.close()
-        unfinished.rename(path)
+        with replacement(path) as unfinished:
+            file = EpisodeFile(unfinished, first)
+            file.write(first, now_s=first.time_s)
+            for message in remaining:
+                file.write(message, now_s=message.time_s)
+            file.close()
         digests.note(path)
     except (OSError, RuntimeError) as error:
         raise _unwritable(path, error) from error
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _unwritable(path: Path, error: OSError | RuntimeError) -> UsageError:

@@ -23,6 +23,8 @@ def recover(*, files: Positional[tuple[Path, ...]]) -> None:
         if result.was_whole:
             terminal.print(f"{path} is whole: {result.messages} messages, nothing to do.")
         else:
+            left_out = "".join(f" Left out on {topic}: {count}." for topic, count in result.left_out.items())
             terminal.print(
                 f"{result.path}: {result.messages} messages; {result.lost_bytes} bytes of {path} could not be read."
+                f"{left_out}"
             )

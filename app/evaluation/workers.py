@@ -7,9 +7,11 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from app.core.errors import UsageError
+from app.core.system.signals import leave_end_to_parent
 
 Where: TypeAlias = Literal["local", "ray"]
 JobT = TypeVar("JobT")
@@ -52,7 +54,10 @@ def _run_in_pool(run: Run[JobT], left: list[JobT], processes: int) -> Generator[
     """
     running, lost, defects = dict[Future[Row], JobT](), list[JobT](), list[BaseException]()
     spawning = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=spawning, initializer=_end_with_parent) as pool:
+    with (
+        ProcessPoolExecutor(processes, mp_context=spawning, initializer=_end_with_parent) as pool,
+        _ended_if_interrupted(),
+    ):
         while running or (left and not (lost or defects)):
             while left and not (lost or defects) and len(running) < processes:
                 job = left.pop(0)
@@ -73,8 +78,20 @@ def _run_in_pool(run: Run[JobT], left: list[JobT], processes: int) -> Generator[
     return lost
 
 
+@contextmanager
+def _ended_if_interrupted() -> Generator[None]:
+    """Context manager that ends the workers where it is left early: the pool would wait for their jobs, for minutes."""
+    try:
+        yield
+    except BaseException:
+        for worker in multiprocessing.active_children():
+            worker.kill()
+        raise
+
+
 def _end_with_parent() -> None:
-    """End a worker with its parent; it would play on without a reader."""
+    """End a worker with its parent, and not before it; it would play on without a reader."""
+    leave_end_to_parent()
     parent = multiprocessing.process.parent_process()
     assert parent is not None
 

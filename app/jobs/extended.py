@@ -11,6 +11,7 @@ from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.dataset.model_under_test import Catalogue, Theta, catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.jobs.jit_cache import nominal_model
+from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.sim.model.numerics import ANY_NUMERICS
 from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validate
 from app.sim.parameter import ParameterSpec
@@ -107,9 +108,17 @@ def check(model: Model) -> None:
     """
     values = {parameter.name: parameter.value for parameter in model.parameters}
     _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
-    validate(phi_with_nulls(values), load(model.task).parameters())
+    own = load(model.task).parameters()
+    validate(phi_with_nulls(values), own)
     specs = _apparatus_specs()
     _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
+    units = {spec.name: spec.unit for spec in (*own, *specs.values())}
+    for parameter in (*model.parameters, *model.apparatus):
+        if parameter.unit != (unit := units.get(parameter.name, parameter.unit)):
+            raise ParameterError(
+                f"The model gives {parameter.name} in {parameter.unit!r}, and it is read in {unit!r}; convert it."
+            )
+    _require_known("effect", model.extension.effects, _effect_names())
     for parameter in model.apparatus:
         require_ranges([specs[parameter.name]], np.array([[parameter.value]], np.float32))
     if model.apparatus and not (len(model.extension.camera_m) == 3 and np.isfinite(model.extension.camera_m).all()):
@@ -135,6 +144,11 @@ def ends_of_ranges(model: Model) -> dict[str, str]:
 def _slope(spec: ParameterSpec, value: float) -> float:
     """Derivative of the value with respect to its coordinate."""
     return float(value) if spec.scale == "log" else 1.0
+
+
+def _effect_names() -> list[str]:
+    """Every effect that a model may name: causes, our own numerics, and libraries of terms."""
+    return [*(cause.name for cause in catalogue().causes), *ANY_NUMERICS, *effects_of_the_simulator()]
 
 
 def _apparatus_specs() -> dict[str, ParameterSpec]:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager, nullcontext, suppress
 from queue import SimpleQueue
-from typing import Final, final
+from typing import Any, Final, final
 
 import anyio
 from anyio import to_thread
@@ -20,6 +20,7 @@ from rich.text import Text
 
 from app.core.dialogue.words import NOTHING, millimetres
 from app.core.messages import Fault, Health, Message, Notice, Outcome
+from app.core.system.standard_streams import silence
 
 HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""
@@ -33,12 +34,24 @@ _CLOSING_S: Final = 1.0
 
 @final
 class Output(Console):
-    """A terminal, a file or a pipe; a pipe whose reader has left (`| head`) ends the printing, never the program."""
+    """A terminal, a file or a pipe; one that takes nothing any more ends the printing, never the program.
+
+    That is a pipe whose reader has left (`| head`), a terminal that was hung up, or a full disk: the console in the
+    browser shows everything.
+    """
 
     def on_broken_pipe(self) -> None:
         """Print nothing more."""
         with suppress(SystemExit):  # rich silences itself, and then would exit
             super().on_broken_pipe()
+
+    def print(self, *objects: Any, **layout: Any) -> None:
+        """Print the objects, as rich does."""
+        try:
+            super().print(*objects, **layout)
+        except OSError:
+            self.quiet = True
+            silence(self.file)
 
 
 @asynccontextmanager
@@ -114,14 +127,11 @@ class Terminal:
 
     def _print_all(self) -> None:
         """The printing thread: line after line until the end mark."""
-        try:
-            with self._status or nullcontext():
-                for line in iter(self._lines.get, None):
-                    self._output.print(line, soft_wrap=bool(line.no_wrap))
-                if self.left_out:
-                    self._output.print(Text(f"{self.left_out} lines were left out: the terminal took none."))
-        except OSError:  # a terminal that was hung up, a full disk: the console in the browser shows everything
-            self._output.quiet = True
+        with self._status or nullcontext():
+            for line in iter(self._lines.get, None):
+                self._output.print(line, soft_wrap=bool(line.no_wrap))
+            if self.left_out:
+                self._output.print(Text(f"{self.left_out} lines were left out: the terminal took none."))
 
 
 def outcome_line(outcome: Outcome) -> str:

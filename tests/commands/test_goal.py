@@ -77,3 +77,50 @@ def test_a_point_outside_the_workspace_is_named(outside: tuple[float, float, flo
     points = a_line(COUNT)
     points[7] = outside
     assert "goal.npy: point 7, " in refusal(saved(tmp_path, points))
+
+
+def test_noise_of_a_depth_camera_below_the_table_is_put_on_it(tmp_path: Path):
+    points = a_line(COUNT)
+    points[::7, 2] = -0.0012
+    read_back = read(saved(tmp_path, points))
+    assert read_back[:, 2].min() == 0
+    np.testing.assert_array_equal(read_back[:, :2], points[:, :2].astype(np.float32))
+    points[::7, 2] = -0.3
+    said = refusal(saved(tmp_path, points))
+    assert "is below the table, as 8 of 50 are, by up to 300.0 mm" in said
+
+
+def test_points_that_are_not_finite_are_called_so(tmp_path: Path):
+    points = a_line(COUNT)
+    points[7] = np.nan
+    assert "point 7, [nan, nan, nan], is not finite, as 1 of 50 are" in refusal(saved(tmp_path, points))
+
+
+def test_a_point_outside_is_not_shown_as_one_inside(tmp_path: Path):
+    points = a_line(COUNT)
+    points[3, 0] = Workspace().high[0] + 2e-5
+    assert "0.85002" in refusal(saved(tmp_path, points))
+
+
+def test_points_at_one_place_are_no_object(tmp_path: Path):
+    assert "one place" in refusal(saved(tmp_path, np.repeat(a_line(COUNT)[:1], COUNT, axis=0)))
+
+
+@pytest.mark.parametrize("name", ["goal.ply", "goal.npz", "goal.dat"])
+def test_a_goal_is_read_from_every_file_of_points(name: str, tmp_path: Path):
+    points = a_line(COUNT)
+    np.save(tmp_path / "goal.npy", points)
+    np.savez(tmp_path / "goal.npz", points=points, weights=np.ones(COUNT))
+    (tmp_path / "goal.dat").write_bytes((tmp_path / "goal.npz").read_bytes())
+    head = f"ply\nformat ascii 1.0\nelement vertex {COUNT}\n"
+    head += "".join(f"property double {axis}\n" for axis in "xyz")
+    rows = "\n".join(" ".join(map(str, row)) for row in points)
+    (tmp_path / "goal.ply").write_text(f"{head}end_header\n{rows}\n")
+    np.testing.assert_allclose(read(tmp_path / name), points, atol=1e-6)
+
+
+def test_an_archive_of_several_arrays_names_them(tmp_path: Path):
+    np.savez(tmp_path / "goal.npz", a=a_line(COUNT), b=a_line(COUNT))
+    said = refusal(tmp_path / "goal.npz")
+    assert "a, b" in said
+    assert "`points`" in said

@@ -87,3 +87,12 @@ def test_what_is_no_network_is_refused(tmp_path: Path, data: bytes):
 def test_a_file_that_is_not_there_is_named(tmp_path: Path):
     with pytest.raises(UsageError, match=r"missing\.onnx cannot be read: No such file"):
         load_segmenter(tmp_path / "missing.onnx", 1)
+
+
+@pytest.mark.parametrize("spoilt", ["weights", "bias"])
+def test_a_network_whose_training_diverged_is_refused(tmp_path: Path, spoilt: str):
+    (background, weights), bias = RED
+    rows = (background, tuple(np.nan * each for each in weights)) if spoilt == "weights" else (background, weights)
+    offsets = (np.inf, bias[1]) if spoilt == "bias" else bias
+    with pytest.raises(UsageError, match="diverged"):
+        load_segmenter(convolution(tmp_path / "nan.onnx", rows, offsets), 1)

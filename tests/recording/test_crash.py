@@ -18,8 +18,9 @@ pytestmark = pytest.mark.serial
 _EPISODE = """
 import sys, time
 from pathlib import Path
+from dataclasses import replace
 import anyio
-from app.core.messages import Episode, Frame, Notice
+from app.core.messages import Episode, Frame, Notice, fresh_id
 from app.recording.write.preflight import Room
 from app.recording.write.writer import open_recording
 from tests.recording.samples import Maker
@@ -32,7 +33,7 @@ async def main():
         for count in range(100_000):
             await recorder.write(make(Notice, text=str(count), time_s=time.monotonic()))
             if count % 10 == 0:
-                await recorder.write(frame)
+                await recorder.write(replace(frame, id=fresh_id("frame")))
             if count == rest_after:
                 await recorder.flush()
             print(count, flush=True)

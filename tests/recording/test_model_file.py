@@ -57,7 +57,7 @@ def test_a_file_that_lacks_something_is_no_model_file(lost: str, path: Path):
     ("sound", "broken", "says"),
     [
         ("value = 30000.0", "", r"\[parameters.stiffness\] lacks 'value'"),
-        ("value = 30000.0", 'value = "soft"', r"\[parameters.stiffness\] could not convert"),
+        ("value = 30000.0", 'value = "soft"', r"\[parameters.stiffness\] value"),
         ("version = 3", "", "it lacks 'version'"),
         ("version = 3", "version = = 3", "line 3"),
     ],

@@ -66,7 +66,7 @@ def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path) -> None:
         read_messages(mcap_of(tmp_path, rosbag={"version": "5"}))
 
 
-@pytest.mark.parametrize("version", [str(SCHEMA_VERSION + 1), "99", "two", ""])
+@pytest.mark.parametrize("version", [str(SCHEMA_VERSION + 1), "99"])
 def test_a_newer_schema_is_refused_with_the_next_step(version: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="update dipac"):
         read_messages(mcap_of(tmp_path, dipac={"schema_version": version}))

@@ -67,7 +67,7 @@ def test_colours_may_come_as_jpeg() -> None:
 
 @pytest.mark.parametrize("names", [[], ["a.txt"], ["a.npy", "b.npy"], ["a.png"], ["a.png", "b.npy"], ["a"]])
 def test_other_files_are_refused_with_what_to_give(names: list[str]) -> None:
-    with pytest.raises(UsageError, match=r"give one .npy or .ply"):
+    with pytest.raises(UsageError, match=r"give one .npy, .npz or .ply"):
         are_points(dict.fromkeys(names, b""))
 
 

@@ -1,5 +1,6 @@
 """Find where a camera stands, from images of a board and the poses of the gripper at each of them."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -13,10 +14,11 @@ from rich.text import Text
 from app.commands._preflight import check_writable
 from app.commands.calibration._session import POSES, read_poses, read_session
 from app.config import Site
-from app.core.errors import UsageError
+from app.core.errors import PerceptionError, UsageError
 from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import HandEye, Setup
 from app.perception.calibration.next_pose import HandEyeSetup, next_pose
+from app.perception.calibration.pose_mistakes import likely_mistake
 from app.perception.calibration.se3 import angle, inverse
 from app.perception.calibration.solve import CalibrationView, Solved, ends_of
 from app.perception.calibration.solve import solve as solved
@@ -51,7 +53,15 @@ def solve(
     if not views:
         raise UsageError(f"The board is in none of the images of {folder}; check that it is the one that was printed.")
     today = datetime.now(UTC).date()
-    found = solved(views, setup, session.lens, board, serial=session.serial, calibrated_at=today)
+
+    def calibrated(given: Sequence[CalibrationView]) -> Solved:
+        return solved(given, setup, session.lens, board, serial=session.serial, calibrated_at=today)
+
+    try:
+        found = calibrated(views)
+    except PerceptionError as error:
+        mistake = likely_mistake(views, calibrated)
+        raise PerceptionError(f"The poses fit if {mistake}. As they are: {error}" if mistake else str(error)) from None
     terminal.print(_views(found, list(session.sights)))
     for line in _result_lines(found.found):
         terminal.print(line)

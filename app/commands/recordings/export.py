@@ -10,9 +10,10 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TaskID, TimeRemainingColumn
 
-from app.commands._preflight import make_folder
+from app.commands._preflight import make_folder, unwritable
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
+from app.core.system.disk import link_target, path_beside
 from app.recording.format.names import numbered_names
 from app.recording.library.recording_index import Entry, shelf
 from app.recording.read.clouds import What, write_npz, write_ply
@@ -64,14 +65,18 @@ def export(
 @contextmanager
 def _atomic_folder(output: Path) -> Generator[Path]:
     """A folder that takes its name when all is in it; nothing is left of one that fails."""
-    unfinished = output.with_name(f".{output.name}.unfinished")
+    try:
+        goal = link_target(output)
+    except OSError as error:
+        raise unwritable(output, "-o", error) from None
+    unfinished = path_beside(goal, ".unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     make_folder(unfinished, "-o")
     try:
         yield unfinished
-        if output.exists():
-            output.rmdir()
-        unfinished.rename(output)
+        if goal.exists():
+            goal.rmdir()
+        unfinished.rename(goal)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
 
@@ -79,7 +84,7 @@ def _atomic_folder(output: Path) -> Generator[Path]:
 def _chosen(terminal: Console, entries: Sequence[Entry], labelled: str | None) -> Sequence[Entry]:
     for entry in entries:
         if entry.condition != "whole":
-            terminal.print(f"{entry.path} is left out: {entry.condition}. {entry.why}")
+            terminal.print(f"Left out: {entry.state}")
     chosen = [it for it in entries if it.condition == "whole" and labelled in (None, it.said)]
     if not chosen:
         kind = f" labelled {labelled}" if labelled else ""

@@ -35,7 +35,7 @@ def label(
     told, entries = Label.now(said, note=note, operator=operator or _user()), shelf(files)
     for entry in entries:
         if entry.condition != "whole":
-            raise RecordingError(f"{entry.path} is {entry.condition}; nothing was labelled. {entry.why}".strip())
+            raise RecordingError(f"{entry.state} So nothing was labelled.")
     for entry in entries:
         with digests.authorised_change(entry.path):
             relabel(entry.path, told)

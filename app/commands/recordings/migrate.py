@@ -31,7 +31,7 @@ def migrate(
     terminal, entries = Console(highlight=False, soft_wrap=True, markup=False), shelf(files)
     for entry in entries:
         if entry.condition != "whole":
-            raise RecordingError(f"{entry.path} is {entry.condition}; nothing was rewritten. {entry.why}".strip())
+            raise RecordingError(f"{entry.state} So nothing was rewritten.")
     old = [entry for entry in entries if version_of(entry.metadata) < SCHEMA_VERSION]
     for entry in old:
         if not dry_run:

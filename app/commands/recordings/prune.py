@@ -46,6 +46,7 @@ def prune(
     left = sum(entry.size_bytes for entry in entries) - sum(entry.size_bytes for entry in going)
     terminal.print(f"{len(going)} of {len(entries)} recordings; {size(left)} {'stay' if yes else 'would stay'}.")
     if keep_gb is not None and left > keep_gb * 1e9:
-        terminal.print("What is labelled, to be learnt from, unreadable or being written takes more; see --all-kinds.")
+        kept, more = ("", "") if all_kinds else ("labelled, to be learnt from, ", "; see --all-kinds")
+        terminal.print(f"What is {kept}unreadable or being written takes more{more}.")
     if going and not yes:
         terminal.print("Nothing was deleted; add --yes to do it.")

@@ -29,7 +29,7 @@ def show(file: tyro.conf.Positional[Path], /) -> None:
     require_file(file)
     found = entry(file)
     if found.condition != "whole":
-        raise RecordingError(f"{file} is {found.condition}: {found.why or 'wait for its end'}.")
+        raise RecordingError(found.state)
     terminal = Console(highlight=False, soft_wrap=True)
     said = list(read_messages(file, [Outcome, Executed, Model, Notice, Fault]))
     _print_facts(terminal, found)
@@ -49,7 +49,7 @@ def _print_facts(terminal: Console, found: Entry) -> None:
         "SHA-256": digests.stored_digest(found.path) or f"not in {digests.SUMS}",
     }
     for label in labels(found.path):
-        rows[f"labelled {label.at}"] = " ".join(filter(None, [label.said, f"({label.operator})", label.note]))
+        rows[f"labelled {label.at} "] = " ".join(filter(None, [label.said, f"({label.operator})", label.note]))
     for name, value in rows.items():
         terminal.print(Text.assemble((f"{name.replace('_', ' '):<16}", "bold"), value))
 

@@ -14,6 +14,7 @@ import anyio
 
 from app.core.errors import DeviceError, DipacError
 from app.core.system.ring import SPAWN, Ring
+from app.core.system.signals import leave_end_to_parent
 
 _START_S: Final = 60.0
 _POLL_S: Final = 0.02
@@ -29,6 +30,7 @@ def process(name: str, body: Callable[..., None], *arguments: object) -> BasePro
 
 def _run(body: Callable[..., None], *arguments: object) -> None:
     """Run `body`; print an error of this program as one sentence, not as a stack trace."""
+    leave_end_to_parent()
     try:
         body(*arguments)
     except DipacError as error:

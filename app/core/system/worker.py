@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import signal
 import threading
 import traceback
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
 from app.core.system.processes import start_ordinary
+from app.core.system.signals import leave_end_to_parent
 
 ResultT = TypeVar("ResultT")
 
@@ -120,7 +120,7 @@ class Worker(AbstractAsyncContextManager["Worker"]):
 
 def _serve(connection: "Connection[Any, Any]", niceness: int) -> None:
     """Answer calls until the parent closes its end or dies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_end_to_parent()
     os.nice(niceness)
     while True:
         try:
@@ -134,4 +134,7 @@ def _serve(connection: "Connection[Any, Any]", niceness: int) -> None:
         except Exception as error:
             answer = (False, WorkerError("".join(traceback.format_exception_only(error)).strip()))
             traceback.print_exc()
-        connection.send(answer)
+        try:
+            connection.send(answer)
+        except OSError:  # The parent is gone.
+            return

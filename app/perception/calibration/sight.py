@@ -19,6 +19,8 @@ Pixels: TypeAlias = Float64[np.ndarray, "C 2"]
 
 FEWEST_CORNERS = 8
 """Fewest corners: a pose has six numbers, and the four corners of one square determine it badly."""
+_ENOUGH_MARKERS = 4
+"""Markers that are not mistaken for such by chance."""
 _LEAST_CONTRAST = 25
 """Least contrast between the darkest and the lightest hundredth of an image, of 255; less is a lid, fog or a screen."""
 _LARGEST_WINDOW_PX = 11
@@ -49,12 +51,14 @@ class BoardDetection:
 
 
 @lru_cache(maxsize=8)
-def opencv_board(board: Charuco) -> Any:
-    """The board as an OpenCV object."""
+def opencv_board(board: Charuco, *, legacy: bool = False) -> Any:
+    """The board as an OpenCV object; `legacy`: in the layout of before OpenCV 4.6."""
     cells = DICTIONARIES[board.dictionary]
     family = getattr(cv2.aruco, f"DICT_{cells}X{cells}_{MARKERS}")
     markers = cv2.aruco.getPredefinedDictionary(family)
-    return cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, markers)
+    pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, markers)
+    pattern.setLegacyPattern(legacy)
+    return pattern
 
 
 def sight(image: ColourImage, board: Charuco, lens: Lens) -> BoardDetection:
@@ -76,11 +80,18 @@ def sight(image: ColourImage, board: Charuco, lens: Lens) -> BoardDetection:
 def _corners(grey: np.ndarray, board: Charuco) -> tuple[Int[np.ndarray, " C"], Pixels]:
     dark, light = np.percentile(grey, (1, 99))
     found, numbers, _, marker_ids = _detector(board).detectBoard(grey)
+    seen = 0 if marker_ids is None else len(marker_ids)
+    if numbers is None and seen and board.rows % 2 == 0:
+        found, numbers, _, _ = _detector(board, legacy=True).detectBoard(grey)
     count = 0 if numbers is None else len(numbers)
     if not count and light - dark < _LEAST_CONTRAST:
         raise PerceptionError("The image has no contrast; check light, exposure and whether the lens is covered.")
+    if not count and seen >= _ENOUGH_MARKERS:
+        raise PerceptionError(
+            f"{seen} markers of the family {board.dictionary} are seen, but they do not lie as on the board of "
+            f"{board}; give the numbers of columns and rows of the board that is in the image."
+        )
     if not count:
-        seen = 0 if marker_ids is None else len(marker_ids)
         raise PerceptionError(
             f"The board is not in the image ({seen} of its markers are); show the board of {board}, flat, bright and "
             "whole, and check that it is the one that was printed."
@@ -95,10 +106,15 @@ def _corners(grey: np.ndarray, board: Charuco) -> tuple[Int[np.ndarray, " C"], P
 
 
 @lru_cache(maxsize=8)
-def _detector(board: Charuco) -> Any:
+def _detector(board: Charuco, *, legacy: bool = False) -> Any:
+    """OpenCV's detector; `legacy`: of a board with an even number of rows as OpenCV before 4.6 and calib.io lay it out.
+
+    There its first square is white and carries a marker. The corners lie and count the same.
+    """
     how = cv2.aruco.DetectorParameters()
     how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    return cv2.aruco.CharucoDetector(opencv_board(board), cv2.aruco.CharucoParameters(), how)
+    pattern = opencv_board(board, legacy=legacy)
+    return cv2.aruco.CharucoDetector(pattern, cv2.aruco.CharucoParameters(), how)
 
 
 def _refine_corners(grey: np.ndarray, raw: np.ndarray, window_px: int) -> Pixels:

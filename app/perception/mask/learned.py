@@ -26,6 +26,7 @@ _WANTED: Final = (
     "a segmenter has one input of 32-bit floats, shape (1, 3, H, W), an RGB image in 0..1, and one output of shape "
     "(1, {classes}, h, w), the scores of the background and of {objects}"
 )
+_DIVERGED: Final = "its training has probably diverged: train it again, with a lower learning rate"
 _TRIED: Final = (96, 128)
 """Height and width of the test image for a network of open size."""
 
@@ -53,6 +54,8 @@ class Learned:
                 f"The segmenter {self.path} failed on an image of {color.shape[1]} x {color.shape[0]}: "
                 f"{_error_line(error)}. Train it for this size, or leave out --segmenter."
             ) from None
+        if _diverged(scores):
+            raise PerceptionError(f"The segmenter {self.path} gives scores that are not finite; {_DIVERGED}.")
         best = scores[0].argmax(axis=0).astype(np.uint8)
         best = cv2.resize(best, (color.shape[1], color.shape[0]), interpolation=cv2.INTER_NEAREST)
         return [best == 1 + index for index in range(self.objects)]
@@ -80,6 +83,8 @@ def load_segmenter(path: Path, objects: int) -> Learned:
         scores = _scores(found.path, np.zeros((*size, 3), np.uint8), size)
     except cv2.error as error:
         raise UsageError(f"--segmenter {path} cannot be run by OpenCV: {_error_line(error)}; {wanted}.") from None
+    if _diverged(scores):
+        raise UsageError(f"--segmenter {path} gives scores that are not finite; {_DIVERGED}.")
     if scores.ndim != 4 or scores.shape[:2] != (1, 1 + objects):
         raise UsageError(f"--segmenter {path} gives an output of shape {scores.shape}; {wanted}.")
     return found
@@ -100,6 +105,11 @@ def _scores(path: Path, color: ColourImage, size: tuple[int, int]) -> Scores:
     image = cv2.resize(color, (size[1], size[0]), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
     network.setInput(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
     return network.forward()
+
+
+def _diverged(scores: np.ndarray) -> bool:
+    """True where a score is no number: OpenCV gives the largest one for NaN and for infinity."""
+    return not bool((np.abs(scores) < np.finfo(np.float32).max).all())
 
 
 @lru_cache(maxsize=2)

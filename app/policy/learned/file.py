@@ -15,6 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from app.core.errors import RecordingError, UsageError
+from app.core.system.disk import replacement
 from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Learner, Lessons, Params, Scale
@@ -148,12 +149,11 @@ def shape_of(how: Lessons) -> dict[str, Any]:
 
 
 def _write(path: Path, arrays: Arrays, header: Mapping[str, Any]) -> None:
-    new = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         whole = {name: np.asarray(value, order="C") for name, value in arrays.items()}
-        save_file(whole, new, {_HEADER: json.dumps(header)})
-        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
+        with replacement(path) as new:
+            save_file(whole, new, {_HEADER: json.dumps(header)})
     except (OSError, SafetensorError) as error:
         raise UsageError(f"Cannot write {path}: {error}; choose another place with -o.") from None
 

@@ -1,7 +1,6 @@
 """Camera calibrations in a TOML file, by serial number: written by `dipac calibration solve` and by the console."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import date
@@ -19,7 +18,9 @@ from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
 from app.core.geometry.lens import Lens
 from app.core.geometry.table_place import AT_BASE, TablePlace
+from app.core.system.disk import replacement
 from app.core.types import Transform
+from app.recording.exchange.toml_file import read_toml, refuse_unknown
 
 SCHEMA = 1
 FILE = Path("calibration.toml")
@@ -29,6 +30,7 @@ _VERDICTS: Mapping[str, Verdict] = {"agrees": "agrees", "differs": "differs", "o
 _UNIT = 1e-3
 """Tolerance of a quaternion's length about 1: admits rounding by hand, and rejects typing errors."""
 _LARGEST_PX = 20_000
+_INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy", "distortion")
 
 
 @final
@@ -67,9 +69,8 @@ def save_camera(path: Path, found: HandEye) -> None:
     cameras[found.serial] = found
     table = {"schema": SCHEMA, "cameras": {serial: _entry(each) for serial, each in sorted(cameras.items())}}
     try:
-        new = path.with_name(f".{path.name}.new")
-        new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
+        with replacement(path) as new:
+            new.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"Cannot write the calibration to {path}: {error.strerror}; choose another place.") from None
 
@@ -97,13 +98,13 @@ def load_cameras(path: Path) -> dict[str, HandEye]:
     invalid.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except OSError as error:
         raise UsageError(
             f"Cannot read the calibration {path}: {error.strerror}; `dipac calibration solve` makes one "
             "(docs/calibration-cameras.md)."
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise RecordingError(f"{path} is no TOML file: {error}.") from None
     if table.get("schema") != SCHEMA:
         raise RecordingError(
@@ -111,6 +112,10 @@ def load_cameras(path: Path) -> dict[str, HandEye]:
             "with `dipac calibration solve` or in the console."
         )
     cameras = table.get("cameras", {})
+    try:
+        refuse_unknown("", table, ("schema", "cameras"))
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}.") from None
     if not isinstance(cameras, dict):
         raise RecordingError(f"{path}: 'cameras' must be a table of cameras by their serial numbers.")
     return {serial: _camera(path, serial, entry) for serial, entry in cameras.items()}
@@ -122,13 +127,14 @@ def load_lens(path: Path) -> tuple[str, Lens]:
     Raises UsageError where the file is missing, and RecordingError, which names the error, where it is invalid.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
+        refuse_unknown("", table, ("serial", "intrinsics"))
         return str(table["serial"]), _lens(table["intrinsics"])
     except OSError as error:
         raise UsageError(
             f"Cannot read the camera {path}: {error.strerror}; docs/calibration-cameras.md has one to copy."
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise RecordingError(
             f"{path} is no camera ({why}); it needs serial, and width, height, fx, fy, cx, cy and distortion (five "
@@ -246,6 +252,7 @@ def _transform(name: str, entry: Mapping[str, Any]) -> Transform:
 
 
 def _lens(entry: Mapping[str, Any]) -> Lens:
+    refuse_unknown("intrinsics.", entry, _INTRINSICS)
     fx, fy, cx, cy = (_number(name, entry[name]) for name in ("fx", "fy", "cx", "cy"))
     width, height = int(entry["width"]), int(entry["height"])
     if not (0 < width <= _LARGEST_PX and 0 < height <= _LARGEST_PX):
@@ -254,9 +261,22 @@ def _lens(entry: Mapping[str, Any]) -> Lens:
         raise ValueError(
             f"fx, fy, cx, cy = {fx:g}, {fy:g}, {cx:g}, {cy:g} are no intrinsics of {width} x {height} pixels."
         )
-    k1, k2, p1, p2, k3 = _numbers("distortion", entry["distortion"], 5)
+    k1, k2, p1, p2, k3 = _distortion(entry["distortion"])
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return Lens(width=width, height=height, K=K, distortion=(k1, k2, p1, p2, k3))
+
+
+def _distortion(values: Any) -> tuple[float, ...]:
+    """OpenCV's five numbers k1, k2, p1, p2, k3; four lack the last, and five of a longer list may be all that count."""
+    if not isinstance(values, list) or len(values) not in (4, 5, 8, 12, 14):
+        raise ValueError("distortion must be 5 numbers, k1, k2, p1, p2, k3")
+    numbers = (*_numbers("distortion", values, len(values)), 0.0)
+    if any(numbers[5:]):
+        raise ValueError(
+            f"distortion has {len(values)} numbers, a rational model, which is not read; rectify the images first, or "
+            "calibrate the lens with five (k1, k2, p1, p2, k3)"
+        )
+    return numbers[:5]
 
 
 def _three(name: str, values: Any) -> Three:

@@ -3,9 +3,8 @@
 Schema 1 has the simulator's parameters alone; 2 may have those of cameras and arm, and the provenance of an extension.
 """
 
-import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,10 +13,14 @@ import tomli_w
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.core.system.disk import replacement
 from app.core.task_name import TaskName, recorded_name
+from app.recording.exchange.toml_file import finite_number, read_toml, refuse_unknown, whole_number, words
 
 SCHEMA = 2
 _READ = (1, 2)
+_KEYS = ("schema", "task", "version", "loss_m2", "transition_count", "parameters", "apparatus", "extension")
+_PARAMETER = ("value", "unit", "low", "high")
 
 
 def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingProxyType({})) -> None:
@@ -40,9 +43,8 @@ def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingPr
     if model.extension != Extension():
         table["extension"] = vars(model.extension) | {"recordings": dict(model.extension.recordings)}
     try:
-        new = path.with_name(f".{path.name}.new")
-        new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
+        with replacement(path) as new:
+            new.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"Cannot write the model to {path}: {error.strerror}; choose another place with -o.") from None
 
@@ -68,7 +70,7 @@ def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> M
 
 def _read(path: Path, time_s: float) -> Model:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
         if table["schema"] not in _READ:
             raise RecordingError(
                 f"{path} has model schema {table['schema']}; this version reads schema {_READ[0]} and {_READ[1]}. "
@@ -77,8 +79,8 @@ def _read(path: Path, time_s: float) -> Model:
         return _model(table, time_s)
     except OSError as error:
         raise UsageError(f"Cannot read the model {path}: {error.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
-        why = f"it lacks {error}" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
+    except (KeyError, TypeError, AttributeError, ArithmeticError, ValueError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise RecordingError(
             f"{path} is not a model file ({why}); `dipac calibrate` and `dipac discover` write one."
         ) from None
@@ -90,14 +92,15 @@ def _entries(parameters: tuple[Parameter, ...], notes: Mapping[str, str]) -> dic
 
 
 def _model(table: dict[str, Any], time_s: float) -> Model:
+    refuse_unknown("", table, _KEYS)
     return Model(
         id=fresh_id("model"),
         time_s=time_s,
-        version=int(table["version"]),
+        version=whole_number("version", table["version"]),
         task=str(table["task"]),
         parameters=_parameters("parameters", table["parameters"]),
         loss_m2=float(table["loss_m2"]),
-        transition_count=int(table["transition_count"]),
+        transition_count=whole_number("transition_count", table["transition_count"]),
         apparatus=_parameters("apparatus", table.get("apparatus", {})),
         extension=_extension(table["extension"]) if "extension" in table else Extension(),
     )
@@ -109,27 +112,30 @@ def _parameters(part: str, entries: Mapping[str, Any]) -> tuple[Parameter, ...]:
 
 def _parameter(place: str, name: str, entry: Mapping[str, Any]) -> Parameter:
     """A parameter of the file. Raises ValueError, which names the `place` in the file and the key."""
-    for key in ("value", "unit", "low", "high"):
+    for key in _PARAMETER:
         if key not in entry:
             raise ValueError(f"[{place}] lacks {key!r}")
-    try:
-        value, low, high = (float(entry[key]) for key in ("value", "low", "high"))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"[{place}] {error}") from None
+    refuse_unknown(f"[{place}] ", entry, (*_PARAMETER, "note"))
+    value, low, high = (finite_number(f"[{place}] {key}", entry[key]) for key in ("value", "low", "high"))
+    if low > high:
+        raise ValueError(f"[{place}] low = {low:g} is above high = {high:g}; they are the ends of its interval")
     return Parameter(name=name, value=value, unit=str(entry["unit"]), low=low, high=high)
 
 
 def _extension(entry: Mapping[str, Any]) -> Extension:
     """The extension. Raises ValueError where the covariance does not fit the names, or `camera_m` is no point."""
-    estimated = tuple(map(str, entry["estimated"]))
-    covariance = tuple(tuple(map(float, row)) for row in entry["covariance"])
-    camera_m = tuple(map(float, entry["camera_m"]))
+    refuse_unknown("[extension] ", entry, [each.name for each in fields(Extension)])
+    estimated = words("extension.estimated", entry["estimated"])
+    covariance = tuple(
+        tuple(finite_number("extension.covariance", value) for value in row) for row in entry["covariance"]
+    )
+    camera_m = tuple(finite_number("extension.camera_m", value) for value in entry["camera_m"])
     if any(len(rows) != len(estimated) for rows in (covariance, *covariance)):
         raise ValueError(f"extension.covariance must have a row and a column for each of {len(estimated)} estimated")
     if len(camera_m) not in (0, 3):
         raise ValueError(f"extension.camera_m must be x, y, z, not {len(camera_m)} numbers")
     return Extension(
-        effects=tuple(map(str, entry["effects"])),
+        effects=words("extension.effects", entry["effects"]),
         camera_m=camera_m,
         estimated=estimated,
         covariance=covariance,

@@ -11,6 +11,8 @@ from app.core.types import Poses
 
 _FEWEST_POINTS: Final = 30
 """Least number of points in a cloud: fewer do not locate each part of the object."""
+_POINT_M: Final = 1e-3
+"""Extent below which points are one point, and no object."""
 _FARTHEST_M: Final = 5.0
 _HEAVIEST_KG: Final = 100.0
 """Limits of plausibility: no tabletop arm reaches as far, and no object on a table is as heavy."""
@@ -99,6 +101,11 @@ def plausible_cloud(clouds: Sequence[Float32[np.ndarray, "_ 3"]], about: Mapping
                 "base frame."
             )
         across = float(np.linalg.norm(np.ptp(cloud, axis=0)))
+        if across < _POINT_M:
+            raise RecordingError(
+                f"cloud_points[{first}] and those after it, cloud {index}, are all at one place; give the points of "
+                "the whole object."
+            )
         if length_m is not None and across > _COILED * length_m:
             raise RecordingError(
                 f"cloud_points[{first}] and those after it, cloud {index}, are {across:.3g} m across; about says that "

@@ -129,6 +129,17 @@ def depth_topic(camera: str) -> str:
     return f"/camera/{camera}/depth"
 
 
+def part_topics(record: Message) -> list[str]:
+    """The channels that hold the remaining parts of the message that `record` stands for."""
+    match record:
+        case FrameRecord(camera=camera):
+            return [color_topic(camera.name), depth_topic(camera.name), calibration_topic(camera.name)]
+        case ParticlesRecord():
+            return [SURFACE_TOPIC]
+        case _:
+            return []
+
+
 def calibration_topic(camera: str) -> str:
     """Channel of a camera's calibrations."""
     return f"/camera/{camera}/calibration"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from app.core.errors import RecordingError, UsageError
+from app.core.system.disk import replacement
 from app.recording.format.lock import exclusive_folder
 
 SUMS: Final = "SHA256SUMS"
@@ -74,10 +75,9 @@ def _changing(folder: Path) -> Generator[dict[str, str]]:
         lines = _read(file)
         try:
             yield lines
-            new = file.with_name(f".{SUMS}.new")
             text = "".join(f"{line}\n" for _, line in sorted(lines.items()))
-            new.write_text(text, encoding="utf-8", errors="surrogateescape")
-            new.replace(file)
+            with replacement(file) as new:
+                new.write_text(text, encoding="utf-8", errors="surrogateescape")
         except OSError as error:
             raise RecordingError(f"Cannot write {file} ({error.strerror}); make its folder writable.") from error
 

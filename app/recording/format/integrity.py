@@ -9,12 +9,17 @@ from typing import Final
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from mcap.records import Metadata
+from mcap.stream_reader import StreamReader
 
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.channels import METADATA, SCHEMA_VERSION
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """The first and the last bytes of every whole MCAP file (https://mcap.dev/spec)."""
+
+FIRST_RECORDS: Final = 8
+"""Number of records within which a recording's metadata record lies."""
 
 DAMAGE: Final = (
     McapError,
@@ -59,13 +64,20 @@ def inspect(path: Path) -> dict[str, str]:
                 "there."
             )
         metadata = _metadata(path)
+        if metadata is None and _begins_as_recording(path):
+            raise RecordingError(f"{path} has no index; `dipac recover {path}` makes a whole file of it.")
     if metadata is None:
         raise RecordingError(f"{path} is an MCAP file of another program; only recordings of dipac can be read.")
     version = metadata.get("schema_version", "")
-    if not version.isdecimal() or not 1 <= int(version) <= SCHEMA_VERSION:
+    if not version.isascii() or not version.isdecimal() or int(version) < 1:
         raise RecordingError(
-            f"{path} has recording schema {version or 'unknown'}, newer than the {SCHEMA_VERSION} that this version "
-            "reads; update dipac."
+            f"{path} names {version!r} as its recording schema, which is no number from 1 to {SCHEMA_VERSION}; another "
+            "program has changed it."
+        )
+    if int(version) > SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path} has recording schema {version}, newer than the {SCHEMA_VERSION} that this version reads; update "
+            "dipac."
         )
     return metadata
 
@@ -95,6 +107,18 @@ def damage_error(path: Path, error: BaseException) -> RecordingError:
     )
 
 
+def damage_of(path: Path) -> str:
+    """The reason why some byte of the file is invalid; empty where all checksums hold. Reads all of it."""
+    with path.open("rb") as stream:
+        try:
+            # Without the index, and the checksums of chunks and of the data section with it.
+            for _ in StreamReader(stream, validate_crcs=True).records:
+                pass  # One at a time: all of them may be more than fits into memory.
+        except DAMAGE as error:
+            return str(error) or type(error).__name__
+    return ""
+
+
 def starts_as_mcap(path: Path) -> bool:
     """True where the file begins with MCAP's magic bytes."""
     with path.open("rb") as stream:
@@ -107,6 +131,19 @@ def ends_as_mcap(path: Path) -> bool:
         size = stream.seek(0, os.SEEK_END)  # Size of the open file: another may take its place in the meantime.
         stream.seek(max(0, size - len(MAGIC)))
         return size > 2 * len(MAGIC) and stream.read() == MAGIC
+
+
+def _begins_as_recording(path: Path) -> bool:
+    """True where one of the first records of a file without an index is a recording's metadata."""
+    with path.open("rb") as stream:
+        try:
+            records = StreamReader(stream, emit_chunks=True, record_size_limit=path.stat().st_size).records
+            return any(
+                isinstance(record, Metadata) and record.name == METADATA
+                for _, record in zip(range(FIRST_RECORDS), records, strict=False)
+            )
+        except DAMAGE:
+            return False
 
 
 def _metadata(path: Path) -> dict[str, str] | None:

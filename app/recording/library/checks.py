@@ -7,26 +7,24 @@ from pathlib import Path
 from typing import Final, final
 
 from mcap.reader import make_reader
-from mcap.stream_reader import StreamReader
 
-from app.core.messages import Frame, Message, MessageId, Particles
+from app.core.messages import Episode, Message, MessageId
 from app.recording.format import digests
 from app.recording.format.channels import (
     KINDS,
     SCHEMA_VERSION,
-    SURFACE_TOPIC,
-    calibration_topic,
-    color_topic,
-    depth_topic,
+    part_topics,
     record_of,
+    topic_of,
 )
-from app.recording.format.integrity import DAMAGE, version_of
+from app.recording.format.integrity import DAMAGE, damage_of, version_of
 from app.recording.format.migrate import decode_of
-from app.recording.format.records import FrameRecord
 from app.recording.library.recording_index import Entry, entry
 
 _OURS: Final = "/dipac/"
 _CAUSE: Final = "name a cause that is not in the recording before them"
+_INCOMPLETE: Final = "lack their images or their cloud"
+_TWICE: Final = "have an id that another has"
 
 
 @final
@@ -42,22 +40,17 @@ def check(path: Path) -> Sequence[RecordingIssue]:
     """Findings on the recording at `path`, empty for a sound one. Reads all of it."""
     found = entry(path)
     if found.condition != "whole":
-        said = "it is being written" if found.condition == "recording" else found.why
-        return [RecordingIssue(grave=found.condition != "recording", text=f"{found.condition}: {said}")]
-    with path.open("rb") as stream:
-        try:
-            # Without the index, and the checksums of chunks and of the data section with it.
-            for _ in StreamReader(stream, validate_crcs=True).records:
-                pass  # One at a time: all of them may be more than fits into memory.
-            stream.seek(0)
-            return [*_version(found), *_checksum(path), *_contents(found)]
-        except DAMAGE as error:
-            why = str(error) or type(error).__name__
-            return [
-                RecordingIssue(
-                    grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact"
-                )
-            ]
+        return [RecordingIssue(grave=found.condition != "recording", text=found.state)]
+    if why := damage_of(path):
+        return [_damage(path, why)]
+    try:
+        return [*_version(found), *_checksum(path), *_contents(found)]
+    except DAMAGE as error:
+        return [_damage(path, str(error) or type(error).__name__)]
+
+
+def _damage(path: Path, why: str) -> RecordingIssue:
+    return RecordingIssue(grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact")
 
 
 def _version(found: Entry) -> Iterator[RecordingIssue]:
@@ -99,7 +92,7 @@ def _contents(found: Entry) -> Iterator[RecordingIssue]:
             kind = KINDS.get(channel.topic)
             if kind is not None:
                 record = decode_of(version, written.data, channel.topic, record_of(kind))
-                _look(record, kind, written.log_time, seen)
+                _look(record, written.log_time, seen)
             elif channel.topic.startswith(_OURS):
                 seen.faults[f"are of a kind that this version does not know ({channel.topic})"] += 1
             else:
@@ -109,27 +102,25 @@ def _contents(found: Entry) -> Iterator[RecordingIssue]:
     if found.session:
         # Its messages' causes from before it are in the session's own recording.
         seen.faults.pop(_CAUSE, None)
+    if not seen.count:
+        yield RecordingIssue(grave=True, text="it holds no message: record it again")
+    elif not found.counts.get(topic_of(Episode)):
+        yield RecordingIssue(grave=False, text="no message says how it began")
     for text, count in seen.faults.items():
-        yield RecordingIssue(grave=text != _CAUSE, text=f"messages that {text}: {count}")
+        mended = text in (_INCOMPLETE, _TWICE)
+        step = f"; `dipac recordings recover {found.path}` leaves them out" if mended else ""
+        yield RecordingIssue(grave=text != _CAUSE, text=f"messages that {text}: {count}{step}")
 
 
-def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) -> None:
+def _look(message: Message, log_time_ns: int, seen: _Seen) -> None:
     """Check one of our messages: its order in time, its parts, its id and its causes."""
     if log_time_ns == seen.last_of_ours_ns:
         seen.faults["share their log time with another"] += 1
     seen.last_of_ours_ns = log_time_ns
-    if any(seen.parts.get(topic) != log_time_ns for topic in _parts(message, kind)):
-        seen.faults["lack their images or their cloud"] += 1
+    if any(seen.parts.get(topic) != log_time_ns for topic in part_topics(message)):
+        seen.faults[_INCOMPLETE] += 1
     if message.id in seen.ids:
-        seen.faults["have an id that another has"] += 1
+        seen.faults[_TWICE] += 1
     seen.ids.add(message.id)
     if not seen.ids.issuperset(message.cause):
         seen.faults[_CAUSE] += 1
-
-
-def _parts(message: Message, kind: type[Message]) -> list[str]:
-    """The channels that hold the message's remaining parts."""
-    if kind is Frame and isinstance(message, FrameRecord):
-        camera = message.camera.name
-        return [color_topic(camera), depth_topic(camera), calibration_topic(camera)]
-    return [SURFACE_TOPIC] if kind is Particles else []

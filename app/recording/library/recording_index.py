@@ -12,18 +12,16 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Metadata
 from mcap.stream_reader import StreamReader
 
-from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.errors import DipacError, UsageError
 from app.core.messages import Fault, Outcome, Transition
 from app.recording.format.channels import METADATA, topic_of
-from app.recording.format.integrity import DAMAGE, ends_as_mcap, inspect, starts_as_mcap
+from app.recording.format.integrity import DAMAGE, FIRST_RECORDS, damage_error, ends_as_mcap, inspect, starts_as_mcap
 from app.recording.format.lock import is_being_written
 from app.recording.library.label import LABEL, Label
 
 Condition: TypeAlias = Literal["whole", "recording", "cut off", "unreadable"]
 """State of a file. `recording`: being written now; `unreadable`: damaged, another program's, or of a newer kind."""
 
-_FIRST_RECORDS: Final = 8
-"""Number of records within which the metadata record of a truncated recording lies."""
 _NS: Final = 1e9
 
 
@@ -77,6 +75,15 @@ class Entry:
         except ValueError:
             return {}
         return cast(Mapping[str, Any], config) if isinstance(config, dict) else {}
+
+    @property
+    def state(self) -> str:
+        """A sentence on its condition, for one that is not whole."""
+        if self.condition == "unreadable":
+            return self.why
+        if self.condition == "recording":
+            return f"{self.path} is being written; wait for its end."
+        return f"{self.path} is {self.condition}; {self.why}."
 
     @property
     def said(self) -> str:
@@ -152,7 +159,7 @@ def _whole(path: Path, size_bytes: int, metadata: Mapping[str, str]) -> Entry:
             if summary is None or statistics is None:
                 raise ValueError("it has no summary")
         except DAMAGE as error:
-            raise RecordingError(f"{path} is damaged ({error or type(error).__name__}).") from error
+            raise damage_error(path, error) from error
     labels = [Label.read(record.metadata) for record in records if record.name == LABEL]
     first_ns, last_ns = statistics.message_start_time, statistics.message_end_time
     return Entry(
@@ -176,7 +183,7 @@ def _unfinished_entry(path: Path, size_bytes: int, condition: Condition, why: st
         try:
             # A garbled length would otherwise be allocated before it is found out.
             records = StreamReader(stream, emit_chunks=True, record_size_limit=max(size_bytes, 1)).records
-            for _, record in zip(range(_FIRST_RECORDS), records, strict=False):
+            for _, record in zip(range(FIRST_RECORDS), records, strict=False):
                 if isinstance(record, Metadata) and record.name == METADATA:
                     metadata = dict(record.metadata)
                 if isinstance(record, Chunk):

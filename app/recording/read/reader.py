@@ -12,7 +12,7 @@ from mcap.reader import McapReader, make_reader
 
 from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
-from app.core.messages import Episode, Frame, Message, Particles, Transition
+from app.core.messages import Episode, Frame, Message, MessageId, Particles, Transition
 from app.recording.format.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.format.integrity import DAMAGE, damage_error, inspect, reading, version_of
 from app.recording.format.migrate import decode_of
@@ -136,10 +136,11 @@ def logged_messages(
 ) -> Iterator[Logged]:
     """The messages of the given kinds that were logged from `first_ns` to `last_ns` [ns], both included, in order.
 
-    `version` is that of the file's schema. Only the chunks of that time are read. Raises the errors of `DAMAGE` on
-    invalid bytes.
+    `version` is that of the file's schema. Only the chunks of that time are read. A message that another program wrote
+    twice counts once. Raises the errors of `DAMAGE` on invalid bytes.
     """
     parts: dict[str, _Part] = {}
+    ids = set[MessageId]()
     topics = _topics(reader, kinds)
     for _, channel, written in reader.iter_messages(
         topics, log_time_order=False, starting_at=first_ns, ending_at=last_ns
@@ -149,7 +150,9 @@ def logged_messages(
             parts[channel.topic] = _Part(written.log_time, written.data)
             continue
         record = decode_of(version, written.data, channel.topic, record_of(kind))
-        if message := _whole(record, written, parts):
+        message = _whole(record, written, parts)
+        if message and message.id not in ids:
+            ids.add(message.id)
             yield Logged(written.log_time, message)
 
 

@@ -2,9 +2,13 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
+
+_CHUNK_BYTES: Final = 1 << 17
+"""Size of a chunk before it is compressed, at the least: what one fault of a disk costs."""
 
 
 def write_records(records: Iterable[McapRecord], goal: Path) -> int:
@@ -16,7 +20,7 @@ def write_records(records: Iterable[McapRecord], goal: Path) -> int:
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     with goal.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.LZ4)
+        writer = Writer(stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.LZ4)
         writer.start()
         for record in records:
             match record:

@@ -9,7 +9,7 @@ from typing import Any, final
 import foxglove
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
-from app.core.messages import Episode, Message
+from app.core.messages import Episode, Message, Transition
 from app.recording.format.channels import METADATA, SCHEMA_VERSION, record_of, topic_of
 from app.recording.format.clock_offset import Epoch
 from app.recording.format.codec import encode, schema
@@ -40,7 +40,7 @@ class EpisodeFile:
         """Append `message`, which arrived at monotonic time `now_s` [s].
 
         The parts of a message precede it at the same log time, and no two messages share one. Errors of the disk are
-        kept by the SDK until the next `flush`.
+        kept by the SDK until the next `flush`, which is at the end of each push at the latest.
         """
         self._log_time_ns = max(self._log_time_ns + 1, self.epoch.ns(now_s))
         for topic, view in views(message, self.epoch):
@@ -48,6 +48,8 @@ class EpisodeFile:
         data = encode(message, record_of(type(message)))
         self._json_channel(type(message)).log(data, log_time=self._log_time_ns)
         self._unflushed = True
+        if isinstance(message, Transition):
+            self.flush()  # Damage to the chunk that ends here costs one push.
 
     def flush(self) -> None:
         """Hand everything written to the operating system, where it survives a kill of this process.

@@ -5,7 +5,6 @@ can detect a hanging call of the SDK, and end the process.
 """
 
 import os
-import signal
 import time
 from contextlib import ExitStack
 from typing import final
@@ -28,7 +27,6 @@ was seen to crash when it opens one at once (librealsense issue 11304)."""
 
 def run_capture(memory: CaptureMemory, source: Source, settings: StreamSettings, parent: int) -> None:
     """Body of the process: execute commands until closed or until `parent` is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     memory.beat()
     capture = _Capture(memory, source, settings)
     while not memory.closing.value and os.getppid() == parent:

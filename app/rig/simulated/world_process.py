@@ -5,7 +5,6 @@ same path, and the arm never waits for it; snapshots carry the arm's time.
 """
 
 import os
-import signal
 import time
 from typing import Any, final
 
@@ -45,7 +44,6 @@ def run_world(
     parent: int,
 ) -> None:
     """Body of the process: follow the arm's states until closed or until `parent` is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     follower: WorldFollower | None = None
     while not arm.closing.value and os.getppid() == parent:
         if follower is None and arm.states.count:

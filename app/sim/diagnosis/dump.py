@@ -7,7 +7,6 @@ this version alone, by their names; any other is refused.
 import hashlib
 import io
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ import numpy as np
 
 from app import __version__
 from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.system.disk import replacement
 from app.sim.diagnosis.failure_diagnosis import MpmCase
 from app.sim.diagnosis.rod_dump import rod_arrays, rod_case_of, rod_header
 from app.sim.diagnosis.rod_failure_diagnosis import RodCase
@@ -123,15 +123,8 @@ def _bytes_of(dump: Dump) -> bytes:
 def _write(path: Path, content: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            with partial.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        with replacement(path) as new:
+            new.write_bytes(content)
     except OSError as error:
         raise UsageError(f"Cannot write the dump {path}: {error.strerror}; choose another folder.") from None
 

@@ -1,24 +1,22 @@
 """Goal files from a browser: validated strictly, and discarded where invalid. Pure."""
 
 import io
-import math
 from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Final
 
 import numpy as np
-import trimesh
 from PIL import Image
 
 from app.core.errors import UsageError
 from app.core.types import Cloud, ColourImage, DepthImage
+from app.recording.exchange.image_file import colours_of
+from app.recording.exchange.points_file import SUFFIXES, points_in
 
-_POINTS: Final = ("npy", "ply")
 _PICTURES: Final = ("png", "jpg", "jpeg")
-_MOST_POINTS: Final = 100_000
 _MOST_PIXELS: Final = 4096 * 4096
 _ADVICE: Final = (
-    "give one .npy or .ply file of points [m], or a colour picture and a 16-bit depth picture of one camera"
+    "give one .npy, .npz or .ply file of points [m], or a colour picture and a 16-bit depth picture of one camera"
 )
 _DEPTH_MODES: Final = ("I;16", "I;16L", "I")
 
@@ -31,7 +29,7 @@ def suffixes(files: Mapping[str, bytes]) -> list[str]:
 def are_points(files: Mapping[str, bytes]) -> bool:
     """True for one file of points, False for a pair of pictures. Raises UsageError for anything else."""
     kinds = suffixes(files)
-    if len(kinds) == 1 and kinds[0] in _POINTS:
+    if len(kinds) == 1 and kinds[0] in SUFFIXES:
         return True
     if len(kinds) == 2 and all(kind in _PICTURES for kind in kinds):
         return False
@@ -41,13 +39,7 @@ def are_points(files: Mapping[str, bytes]) -> bool:
 def points_of(files: Mapping[str, bytes]) -> Cloud:
     """The points (M, 3) [m] of the one file, thinned where very many. Raises UsageError where there are none."""
     ((name, data),) = files.items()
-    try:
-        points = _array(data) if suffixes(files) == ["npy"] else _vertices(data)
-    except Exception as error:  # The file is untrusted, and its readers raise any error.
-        raise UsageError(f"{name} cannot be read ({error}); {_ADVICE}.") from None
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu" or not len(points):
-        raise UsageError(f"{name} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres.")
-    return points[:: -(-len(points) // _MOST_POINTS)].astype(np.float32)
+    return points_in(name, data)
 
 
 def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
@@ -58,26 +50,10 @@ def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
     if len(depth) != 1 or len(color) != 1:
         raise UsageError(f"Of {', '.join(opened)} one must be a 16-bit depth picture and one in colour; {_ADVICE}.")
     try:
-        return np.array(color[0].convert("RGB")), np.array(depth[0]).astype(np.uint16)
+        ((name, picture),) = ((name, image) for name, image in opened.items() if image is color[0])
+        return colours_of(picture, files[name]), np.array(depth[0]).astype(np.uint16)
     except (OSError, SyntaxError, ValueError) as error:
         raise UsageError(f"A picture is damaged ({error}); take it again.") from None
-
-
-def _array(data: bytes) -> np.ndarray:
-    """Array of a complete .npy file. Raises ValueError where it is shorter than its header says."""
-    stream = io.BytesIO(data)
-    version = np.lib.format.read_magic(stream)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read(stream)
-    if math.prod(shape) * dtype.itemsize > len(data):
-        raise ValueError("it is shorter than it says")
-    stream.seek(0)
-    return np.lib.format.read_array(stream, allow_pickle=False)
-
-
-def _vertices(data: bytes) -> np.ndarray:
-    loaded = trimesh.load(io.BytesIO(data), file_type="ply")
-    return np.asarray(getattr(loaded, "vertices", np.zeros((0, 3))))
 
 
 def _open_picture(name: str, data: bytes) -> Image.Image:

@@ -92,3 +92,82 @@ def test_what_is_missing_is_named(taken, tmp_path: Path, capsys) -> None:
     (tmp_path / "poses.csv").write_text("image,x,y,z,qw,qx,qy,qz\n0.png,0,0,0,1,0,0,0\n", encoding="utf-8")
     assert "There is 1 view and" in refused(capsys, 5, "solve", tmp_path, "-o", tmp_path / "c.toml")
     assert not (tmp_path / "c.toml").exists()
+
+
+def copy_of(taken: tuple[Path, Cell], folder: Path) -> list[list[str]]:
+    """A copy of the session; returns the rows of its table."""
+    for path in taken[0].iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    return [line.split(",") for line in (folder / "poses.csv").read_text().splitlines()]
+
+
+def write_table(folder: Path, rows: list[list[str]], *, delimiter: str = ",", encoding: str = "utf-8") -> None:
+    text = "\n".join(delimiter.join(row) for row in rows) + "\n"
+    (folder / "poses.csv").write_bytes(text.encode(encoding))
+
+
+@pytest.mark.parametrize("kind", ["bom", "semicolons", "tabs", "heads", "folders", "suffixes"])
+def test_tables_of_other_programs_are_read(kind: str, taken, tmp_path: Path, capsys) -> None:
+    head, *rows = copy_of(taken, tmp_path)
+    match kind:
+        case "bom":
+            write_table(tmp_path, [head, *rows], encoding="utf-8-sig")
+        case "semicolons":
+            commas = [[row[0], *(each.replace(".", ",") for each in row[1:])] for row in rows]
+            write_table(tmp_path, [head, *commas], delimiter=";")
+        case "tabs":
+            write_table(tmp_path, [head, *rows], delimiter="\t")
+        case "heads":
+            write_table(tmp_path, [[f" {name.upper()}" for name in head], *rows])
+        case "folders":
+            write_table(tmp_path, [head, *([f"images/{row[0]}", *row[1:]] for row in rows)])
+        case _:
+            write_table(tmp_path, [head, *([row[0].removesuffix(".png"), *row[1:]] for row in rows)])
+    assert "7 views miss it by" in said(capsys, "solve", tmp_path, "-o", tmp_path / "c.toml")
+
+
+def test_a_table_without_poses_or_in_millimetres_is_told(taken, tmp_path: Path, capsys) -> None:
+    head, *rows = copy_of(taken, tmp_path)
+    write_table(tmp_path, [head])
+    assert "no pose" in refused(capsys, 4, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    write_table(tmp_path, [head, *([row[0], *(f"{1e3 * float(it)}" for it in row[1:4]), *row[4:]] for row in rows)])
+    assert "give metres, not millimetres" in refused(capsys, 4, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    write_table(tmp_path, [head, *(["none.png", *row[1:]] for row in rows)])
+    assert "none.png" in refused(capsys, 2, "solve", tmp_path, "-o", tmp_path / "c.toml")
+
+
+def test_an_image_that_is_cut_empty_or_gone_is_left_out_by_name(taken, tmp_path: Path, capsys) -> None:
+    head, *rows = copy_of(taken, tmp_path)
+    more = [[name, *rows[0][1:]] for name in ("cut.png", "empty.png", "gone.png")]
+    write_table(tmp_path, [head, *rows, *more])
+    (tmp_path / "cut.png").write_bytes((tmp_path / "0.png").read_bytes()[:5000])
+    (tmp_path / "empty.png").write_bytes(b"")
+    told = said(capsys, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    for name, *_ in more:
+        assert f"{name} is left out: Cannot read the image" in told
+    assert "7 views miss it by" in told
+
+
+@pytest.mark.parametrize(
+    ("mistake", "words"),
+    [("order", "correct the heads"), ("inverse", "give the inverse"), ("shifted", "move them up")],
+)
+def test_a_usual_mistake_in_the_poses_is_found_by_trying(mistake, words, taken, tmp_path: Path, capsys) -> None:
+    head, *rows = copy_of(taken, tmp_path)
+    if mistake == "order":
+        rows = [[*row[:4], *row[5:], row[4]] for row in rows]
+    elif mistake == "shifted":
+        rows = [[row[0], *rows[index - 1][1:]] for index, row in enumerate(rows)]
+    else:
+        for row in rows:
+            x, y, z, *turn = map(float, row[1:])
+            back = Rotation.from_quat(turn, scalar_first=True).inv()
+            row[1:] = [f"{each:.9g}" for each in (*-back.apply([x, y, z]), *back.as_quat(scalar_first=True))]
+    write_table(tmp_path, [head, *rows])
+    assert words in refused(capsys, 5, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    assert not (tmp_path / "c.toml").exists()
+
+
+def test_the_other_set_up_is_named(taken, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "c.toml"
+    assert "or --setup is the other one" in refused(capsys, 5, "solve", taken[0], "--setup", "wrist", "-o", out)

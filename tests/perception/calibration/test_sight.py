@@ -91,3 +91,28 @@ def test_another_lens_than_the_image_s_is_noticed():
 def test_numbers_that_make_no_board_are_refused(wrong, error):
     with pytest.raises(error):
         Charuco(**wrong)
+
+
+def printed(board: Charuco, *, legacy: bool) -> np.ndarray:
+    """The board flat in the image, in OpenCV's layout of today or of before 4.6."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, family)
+    pattern.setLegacyPattern(legacy)
+    width, height = board.columns * 60, board.rows * 60
+    grey = np.full((480, 640), 130, np.uint8)
+    y, x = (480 - height) // 2, (640 - width) // 2
+    grey[y : y + height, x : x + width] = pattern.generateImage((width, height))
+    return np.repeat(cv2.GaussianBlur(grey, (0, 0), 0.7)[..., None], 3, axis=2)
+
+
+def test_a_board_of_even_rows_is_found_in_the_layout_of_today_and_of_before_opencv_4_6():
+    board = Charuco(columns=8, rows=6)
+    found, older = (sight(printed(board, legacy=legacy), board, LENS) for legacy in (False, True))
+    assert len(found.ids) == len(older.ids) == board.corner_count
+    assert max(found.error_px, older.error_px) < 0.3
+    np.testing.assert_allclose(older.T_camera_board, found.T_camera_board, atol=2e-3)
+
+
+def test_markers_of_a_board_of_other_numbers_are_told_to_be_such():
+    with pytest.raises(PerceptionError, match="do not lie as on the board"):
+        sight(printed(Charuco(columns=8, rows=6), legacy=False), Charuco(columns=5, rows=9), LENS)

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import signal
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -11,6 +10,7 @@ from typing import Any, Self, final
 from app.core.errors import DeviceError
 from app.core.system.processes import ask_for_real_time
 from app.core.system.ring import SPAWN, Ring
+from app.core.system.signals import leave_end_to_parent
 from app.rig.kinova import gen3
 from app.rig.kinova.emulator.adversity import FaultInjection
 from app.rig.kinova.emulator.firmware import Firmware
@@ -104,7 +104,7 @@ class FakeProcess:
 
 def run(control: Connection, states: Ring, udp_port: int) -> None:
     """The body of the process: serve until the other end of `control` is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_end_to_parent()
     # Real firmware has a machine of its own: load on this one must not delay it.
     ask_for_real_time()
     asyncio.run(_serve(control, states, udp_port))

@@ -1,7 +1,6 @@
 """The cameras' own process: exposes every camera once a period and leaves the images in shared memory."""
 
 import os
-import signal
 import time
 from collections.abc import Mapping
 
@@ -40,7 +39,6 @@ def run_cameras(
     with the moment of the world that they show. Too slow a machine gives fewer images, never old ones, and a world
     whose time stands still gives none. A `held` board is in the gripper.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICENESS)
     rng = np.random.default_rng(seed)
     due, shown_s = time.monotonic(), -np.inf
