@@ -44,7 +44,7 @@ def test_what_was_imported_is_exported_as_it_was(name: str, tmp_path: Path) -> N
         # Pushes are counted through: each keeps its clouds.
         assert np.array_equal(np.diff(again["cloud_push"]) != 0, np.diff(arrays["cloud_push"]) != 0)
         about = json.loads(str(again["about"]))
-    assert about == {**json.loads(str(arrays["about"])), "task": load(about["task"]).recorded}
+    assert about == {**json.loads(str(arrays["about"])), "task": load(about["task"]).recorded_name}
     assert load(about["task"]).problem == task.problem
 
 

@@ -51,7 +51,10 @@ def test_the_table_knows_every_cause_that_can_be_hidden_and_adds_up_to_one() -> 
     probabilities, nothing = calibration().probabilities(found(None))
     assert set(probabilities) == {step.cause for step in STEPS} - set(SUBJECT.calibrated) - _nuisances()
     assert sum(probabilities.values()) + nothing == pytest.approx(1.0)
-    assert calibration().biases.keys() == probabilities.keys()
+    assert calibration().biases.keys() == probabilities.keys(), (
+        "learn app/discovery/inference/calibration.json anew: "
+        "python -m bench.hidden.calibration LINES --studies 300 --table app/discovery/inference/calibration.json"
+    )
 
 
 def _nuisances() -> set[str]:

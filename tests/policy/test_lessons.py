@@ -11,6 +11,8 @@ import pytest
 from app.core.errors import UsageError
 from app.jobs.jit_cache import nominal_model
 from app.jobs.teaching import lessons, simulator
+from app.planner.actions.actions import Pushes
+from app.planner.actions.sweep_actions import Sweeps
 from app.policy.base import PlanningState
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Lessons, Scale
@@ -21,7 +23,7 @@ from app.policy.symmetry import Isometry
 from app.tasks import load, names
 
 COUNT = 60
-STROKES = ("bean_sweep", "rod_to_rope", "rope_push")
+STROKES = [name for name in names() if isinstance(load(name).actions, Pushes | Sweeps)]
 
 
 def examples_of(name: str, episodes: int = 2, actions: int = 2) -> Examples:

@@ -1,5 +1,6 @@
 """Conformance of tasks: each file in `app/tasks` that defines one is tested by its presence."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -52,7 +53,9 @@ def test_a_task_is_named_as_its_file_with_presets_for_cpu_and_gpu_and_a_page_wit
     assert task.preset("gpu").branches >= task.preset("cpu").branches >= 4
     assert task.horizon >= 1
     page = (DOCS / "tasks" / f"{name}.md").read_text()
-    assert "](../images/" in page
+    pictures = re.findall(r"\]\(\.\./images/([^)]+)\)", page)
+    assert pictures
+    assert all((DOCS / "images" / picture).is_file() for picture in pictures)
     assert f"tasks/{name}.md" in (DOCS.parent / "mkdocs.yml").read_text()
 
 

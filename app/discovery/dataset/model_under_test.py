@@ -14,7 +14,7 @@ from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.discovery import sensor_actuator_errors
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
-from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
+from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, is_place
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, ROD_NUMERICS, RodUnknown
 from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
@@ -100,11 +100,8 @@ class Cause:
     reach_m: float | None = None
     odd: tuple[int, ...] = ()
     """Columns of parameters that change their sign where the object's other end is called the first."""
-
-    @property
-    def placed(self) -> bool:
-        """True if the other parameters are a place on the table."""
-        return len(self.columns) - self.switches == 2
+    placed: bool = False
+    """True if the other parameters are a place on the table, as `effects.base.place` makes them."""
 
     def axis_of(self, column: int) -> tuple[int, ...]:
         """The axis along which a column is this cause's place; nothing where it is none."""
@@ -240,7 +237,16 @@ def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effe
     switches = effect.switches if effect is not None and effect.switches is not None else len(columns)
     reach_m = effect.reach_m if effect is not None else None
     odd = () if effect is None else tuple(index(parameter) for parameter in effect.odd)
-    return Cause(name=name, family=family, about=about, columns=columns, switches=switches, reach_m=reach_m, odd=odd)
+    return Cause(
+        name=name,
+        family=family,
+        about=about,
+        columns=columns,
+        switches=switches,
+        reach_m=reach_m,
+        odd=odd,
+        placed=effect is not None and is_place(effect.parameters[switches:]),
+    )
 
 
 def _about(doc: str) -> str:

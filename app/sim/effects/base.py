@@ -1,6 +1,6 @@
 """Interface of an effect file: a module-level `EFFECT`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias, TypeVar, cast, final
 
@@ -77,6 +77,13 @@ def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
             for axis, middle, reach in zip("xy", MIDDLE_M, REACH_M, strict=True)
         )
     )
+
+
+def is_place(specs: Sequence[ParameterSpec]) -> bool:
+    """True for the two parameters that `place` makes; others that say where or how are no place on the table."""
+    names = [spec.name for spec in specs]
+    stem = names[0].removesuffix("_x") if names else ""
+    return names == [f"{stem}_x", f"{stem}_y"] and all(spec.unit == "m" for spec in specs)
 
 
 def linear(

@@ -57,11 +57,19 @@ def law_source(effects: Sequence[Effect], walls: int = 0, *, flat: bool = False)
 def law_numbers(
     effects: Sequence[Effect], phi: Float[jax.Array, "B P"], context: RodContext
 ) -> list[Float[jax.Array, "B _"]]:
-    """The numbers of these effects' laws, in the order of their list."""
-    parts = _parts(effects, phi)
-    return [
-        rod.numbers(own, context) for (_, rod), own in zip(_rod_effects(effects), parts, strict=True) if rod.has_law
-    ]
+    """The numbers of these effects' laws, in the order of their list. Raises ValueError for a wrong count."""
+    parts, found = _parts(effects, phi), list[jax.Array]()
+    for (effect, rod), own in zip(_rod_effects(effects), parts, strict=True):
+        if not rod.has_law:
+            continue
+        numbers = rod.numbers(own, context)
+        if numbers.shape != own.shape:
+            raise ValueError(
+                f"The numbers of the law of {effect.parameters[0].name} have the shape {numbers.shape}, and its "
+                f"parameters {own.shape}: give as many numbers as parameters, unused ones as zeros."
+            )
+        found.append(numbers)
+    return found
 
 
 def wall_numbers(walls: Sequence[Wall], rougher: Float[jax.Array, " B"]) -> list[Float[jax.Array, "B 5"]]:
