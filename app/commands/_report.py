@@ -17,7 +17,7 @@ from app.discovery.dataset.study import Study
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
 from app.jobs.discovery_subject import doubted_in
-from app.jobs.extended import estimates_of, extended_model
+from app.jobs.extended import extended_model, fitted_parameters
 from app.recording.exchange.model_file import save_model
 from app.report import show_case, verdict_json, write_report
 from app.sim.effects.base import MIDDLE, MIDDLE_M
@@ -60,7 +60,7 @@ def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Se
     """The extended model of `task` for `--model`; the refitted nominal one if no cause was found."""
     known = catalogue(subject.rods)
     nominal = known.nominal(subject)
-    values, covariance = estimates_of(known, nominal, case.extended, case.estimated, case.covariance)
+    values, covariance = fitted_parameters(known, nominal, case.extended, case.estimated, case.covariance)
     return extended_model(
         task,
         values,

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
+from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.checks.direct_checks import direct_checks
 from app.discovery.checks.frames import frame_tests
 from app.discovery.checks.limits import limits_of
@@ -25,7 +26,7 @@ from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening, arrows_of, refit, screen
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
-from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, Name, ResidualField
+from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, ResidualField
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.gain import measure_gain
 from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
@@ -144,7 +145,7 @@ def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None 
     )
 
 
-def _model(verdict: Name, decision: ModelSelection, open_ended: UnexplainedForce) -> RefinedModel | None:
+def _model(verdict: VerdictKind, decision: ModelSelection, open_ended: UnexplainedForce) -> RefinedModel | None:
     """Model to save: that of the verdict's formula, or of its causes."""
     if verdict == "none":
         return None

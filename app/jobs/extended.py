@@ -21,15 +21,6 @@ _Z90 = 1.645
 
 
 @final
-class Estimated(NamedTuple):
-    """The value of a parameter with the ends of its 90 % interval, in the simulator's units."""
-
-    value: float
-    low: float
-    high: float
-
-
-@final
 class Covariance(NamedTuple):
     """Covariance of parameters' values, by their names, in products of their units."""
 
@@ -39,7 +30,7 @@ class Covariance(NamedTuple):
 
 def extended_model(
     task: str,
-    values: Mapping[str, Estimated],
+    values: Sequence[Parameter],
     *,
     effects: Sequence[str],
     covariance: Covariance,
@@ -48,7 +39,7 @@ def extended_model(
     pushes: int,
     time_s: float,
 ) -> Model:
-    """Version 1: the task's nominal model with `values` of parameters of the simulator, of cameras and of the arm.
+    """Version 1: the task's nominal model with `values`, parameters of the simulator, of cameras and of the arm.
 
     Parameters of cameras and arm at their null are left out, and so are those of our own numerics, which the planner's
     grid keeps as they are. `effects`, `recordings`, `camera_m`: see `Extension`; `pushes`: how many are behind it.
@@ -56,16 +47,17 @@ def extended_model(
     Raises ParameterError for a parameter that nobody knows, or a value outside its range.
     """
     nominal, apparatus = nominal_model(task), _apparatus_specs()
-    _require_known("parameter", values, [*(spec.name for spec in PARAMETERS), *apparatus, *ANY_NUMERICS])
+    found = {parameter.name: parameter for parameter in values}
+    _require_known("parameter", found, [*(spec.name for spec in PARAMETERS), *apparatus, *ANY_NUMERICS])
     model = Model(
         id=fresh_id("model"),
         cause=(nominal.id,),
         time_s=time_s,
         version=1,
         task=task,
-        parameters=tuple(_update_parameter(old, values.get(old.name)) for old in nominal.parameters),
+        parameters=tuple(found.get(old.name, old) for old in nominal.parameters),
         transition_count=pushes,
-        apparatus=tuple(_erring(spec, values[name]) for name, spec in apparatus.items() if _wrong(spec, values)),
+        apparatus=tuple(found[name] for name, spec in apparatus.items() if _wrong(spec, found)),
         extension=Extension(
             effects=tuple(effects),
             camera_m=tuple(map(float, camera_m)),
@@ -78,27 +70,30 @@ def extended_model(
     return model
 
 
-def estimates_of(
+def fitted_parameters(
     known: Catalogue, nominal: Theta, theta: Theta, steps: Sequence[Step], covariance: Float64[np.ndarray, "Q Q"]
-) -> tuple[dict[str, Estimated], Covariance]:
-    """A discovery's `theta`, of which `steps` with their covariance were fitted, as `extended_model` takes it.
+) -> tuple[tuple[Parameter, ...], Covariance]:
+    """Parameters of a discovery's `theta`, of which `steps` with their covariance were fitted, in simulator's units.
 
     What is as in `nominal` and was not fitted is left out. On a logarithmic scale errors are taken to be small for the
     covariance, though not for the intervals.
     """
     fitted = {step.column: number for number, step in enumerate(steps)}
     scale = np.array([_slope(known.specs[step.column], theta[step.column]) * step.size for step in steps])
-    values = dict[str, Estimated]()
+    values = list[Parameter]()
     for column, spec in enumerate(known.specs):
         if column in fitted:
             number = fitted[column]
             margin = _Z90 * float(np.sqrt(covariance[number, number])) * abs(steps[number].size)
             here = spec.coordinate(float(theta[column]))
-            values[spec.name] = Estimated(*(spec.value(here + side * margin) for side in (0.0, -1.0, 1.0)))
+            value, low, high = (spec.value(here + side * margin) for side in (0.0, -1.0, 1.0))
         elif theta[column] != nominal[column]:
-            values[spec.name] = Estimated(*[float(theta[column])] * 3)
+            value = low = high = float(theta[column])
+        else:
+            continue
+        values.append(Parameter(name=spec.name, unit=spec.unit, value=value, low=low, high=high))
     names = tuple(known.specs[step.column].name for step in steps)
-    return values, Covariance(names, covariance * np.outer(scale, scale))
+    return tuple(values), Covariance(names, covariance * np.outer(scale, scale))
 
 
 def check(model: Model) -> None:
@@ -162,15 +157,5 @@ def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> Non
             raise ParameterError.unknown(kind, name, listed)
 
 
-def _update_parameter(old: Parameter, found: Estimated | None) -> Parameter:
-    if found is None:
-        return old
-    return Parameter(name=old.name, unit=old.unit, value=found.value, low=found.low, high=found.high)
-
-
-def _wrong(spec: ParameterSpec, values: Mapping[str, Estimated]) -> bool:
-    return spec.name in values and values[spec.name].value != spec.nominal
-
-
-def _erring(spec: ParameterSpec, found: Estimated) -> Parameter:
-    return Parameter(name=spec.name, unit=spec.unit, value=found.value, low=found.low, high=found.high)
+def _wrong(spec: ParameterSpec, found: Mapping[str, Parameter]) -> bool:
+    return spec.name in found and found[spec.name].value != spec.nominal

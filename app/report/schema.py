@@ -9,8 +9,8 @@ from typing import Annotated, Literal, final
 import msgspec
 from msgspec import Meta, Struct
 
+from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Family
-from app.discovery.results.case import Name as Verdict
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -169,7 +169,7 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
     """
 
     schema: Literal[1]
-    verdict: Verdict
+    verdict: VerdictKind
     headline: str
     probability: Chance
     probability_of: str | None

@@ -33,7 +33,7 @@ from app.discovery.sensor_actuator_errors.base import Eye
 from app.jobs import jit_cache
 from app.jobs.apparatus_compensation import correction
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import estimates_of, extended_model
+from app.jobs.extended import extended_model, fitted_parameters
 from app.jobs.worker_api import nominal_model
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
@@ -125,7 +125,7 @@ def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[
 def truth_of(theta: Theta) -> Model:
     """The model that knows the world but for its numerics."""
     known = catalogue()
-    values, covariance = estimates_of(known, known.nominal(subject_of(load(_TASK))), theta, (), np.zeros((0, 0)))
+    values, covariance = fitted_parameters(known, known.nominal(subject_of(load(_TASK))), theta, (), np.zeros((0, 0)))
     return extended_model(
         _TASK,
         values,

@@ -8,10 +8,11 @@ from typing import Final, final
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
+from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
 from app.discovery.pipeline import Stages, judge
-from app.discovery.results.case import Estimate, Name
+from app.discovery.results.case import Estimate
 from app.discovery.results.verdict import estimates_of, verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
@@ -31,7 +32,7 @@ class Verdict:
     `unknown`: probability of an unknown force. `sizes`: parameters of each refitted cause, with their intervals.
     """
 
-    kind: Name
+    kind: VerdictKind
     causes: tuple[str, ...]
     probabilities: Mapping[str, float]
     unknown: float = 0.0

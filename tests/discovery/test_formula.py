@@ -15,7 +15,7 @@ from app.discovery.results.formula_text import formula_of
 from app.discovery.results.verdict import verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce, fit_unexplained_force
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import estimates_of, extended_model
+from app.jobs.extended import extended_model, fitted_parameters
 from app.jobs.jit_cache import phi_of
 from app.jobs.worker_api import check_model
 from app.policy.random_pushes import PushDesign
@@ -89,7 +89,9 @@ def saved() -> Model:
     assert found is not None
     model = found.model
     steps = model.steps[: model.own]
-    values, covariance = estimates_of(CATALOGUE, CATALOGUE.nominal(SUBJECT), model.estimate, steps, model.covariance)
+    values, covariance = fitted_parameters(
+        CATALOGUE, CATALOGUE.nominal(SUBJECT), model.estimate, steps, model.covariance
+    )
     return extended_model(
         "rope_push",
         values,

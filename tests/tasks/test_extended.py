@@ -9,25 +9,30 @@ import pytest
 
 from app.calibration.calibrate import phi_of
 from app.core.errors import ParameterError
-from app.core.messages import Extension, Model
+from app.core.messages import Extension, Model, Parameter
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.jobs import jit_cache
 from app.jobs.apparatus_compensation import correction
 from app.jobs.discovery_subject import subject_of
-from app.jobs.extended import Covariance, Estimated, estimates_of, extended_model
+from app.jobs.extended import Covariance, extended_model, fitted_parameters
 from app.jobs.worker_api import check_model, nominal_model
 from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import PARAMETERS, acting, index
 from app.tasks import load
 
-FOUND = {
-    "stiffness": Estimated(5.0e4, 4.0e4, 6.0e4),
-    "tilt_x": Estimated(1.5, 1.0, 2.0),
-    "hand_eye_x": Estimated(0.004, 0.003, 0.005),
-    "hand_eye_y": Estimated(0.0, 0.0, 0.0),
-    "resolution": Estimated(0.3, 0.1, 0.5),
-}
+
+def parameter(name: str, value: float, low: float, high: float, unit: str = "m") -> Parameter:
+    return Parameter(name=name, value=value, unit=unit, low=low, high=high)
+
+
+FOUND = (
+    parameter("stiffness", 5.0e4, 4.0e4, 6.0e4, "Pa"),
+    parameter("tilt_x", 1.5, 1.0, 2.0, "deg"),
+    parameter("hand_eye_x", 0.004, 0.003, 0.005),
+    parameter("hand_eye_y", 0.0, 0.0, 0.0),
+    parameter("resolution", 0.3, 0.1, 0.5, "1"),
+)
 ESTIMATED = Covariance(("stiffness", "tilt_x", "hand_eye_x"), np.diag([4e7, 0.09, 4e-7]))
 
 
@@ -52,8 +57,8 @@ def test_what_was_found_stands_beside_what_is_nominal() -> None:
 
 
 def test_of_cameras_and_arm_only_what_is_wrong_is_kept_and_of_numerics_nothing() -> None:
-    (parameter,) = made().apparatus
-    assert (parameter.name, parameter.value, parameter.unit, parameter.high) == ("hand_eye_x", 0.004, "m", 0.005)
+    (kept,) = made().apparatus
+    assert (kept.name, kept.value, kept.unit, kept.high) == ("hand_eye_x", 0.004, "m", 0.005)
 
 
 def test_the_simulator_runs_with_the_effects_that_the_model_has() -> None:
@@ -70,11 +75,13 @@ def test_what_a_discovery_fitted_becomes_values_with_intervals_and_their_covaria
     stiffness, shift, friction = (known.column(name) for name in ("stiffness", "hand_eye_x", "table_friction"))
     theta[[stiffness, shift, friction]] = 5.0e4, 0.004, 0.6
     steps = [Step(cause="", column=column, size=size, sides=2) for column, size in ((stiffness, 0.1), (shift, 1e-3))]
-    values, covariance = estimates_of(known, nominal, theta, steps, np.array([[4.0, 0.5], [0.5, 0.25]]))
-    assert values.keys() == {"stiffness", "hand_eye_x", "table_friction"}
-    assert values["hand_eye_x"] == pytest.approx((0.004, 0.004 - 1.645 * 5e-4, 0.004 + 1.645 * 5e-4))
-    assert values["stiffness"] == pytest.approx((5.0e4, 5.0e4 * np.exp(-0.329), 5.0e4 * np.exp(0.329)))
-    assert values["table_friction"] == (0.6, 0.6, 0.6)
+    values, covariance = fitted_parameters(known, nominal, theta, steps, np.array([[4.0, 0.5], [0.5, 0.25]]))
+    intervals = {each.name: (each.value, each.low, each.high) for each in values}
+    assert intervals.keys() == {"stiffness", "hand_eye_x", "table_friction"}
+    assert intervals["hand_eye_x"] == pytest.approx((0.004, 0.004 - 1.645 * 5e-4, 0.004 + 1.645 * 5e-4))
+    assert intervals["stiffness"] == pytest.approx((5.0e4, 5.0e4 * np.exp(-0.329), 5.0e4 * np.exp(0.329)))
+    assert intervals["table_friction"] == (0.6, 0.6, 0.6)
+    assert [each.unit for each in values] == [known.specs[known.column(each.name)].unit for each in values]
     # A logarithm off by 0.2 and a shift off by half a millimetre, half as correlated as they could be.
     np.testing.assert_allclose(covariance.matrix, [[1e8, 2.5], [2.5, 2.5e-7]])
     model = made(values=values, covariance=covariance)
@@ -94,7 +101,7 @@ def test_a_model_goes_through_its_file_unchanged(tmp_path: Path) -> None:
 
 def test_a_parameter_that_nobody_knows_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ParameterError, match=r"Unknown parameter 'tilt_z'\. Did you mean 'tilt_[xy]'.*hand_eye_x"):
-        made(values={"tilt_z": Estimated(1.0, 0.0, 2.0)})
+        made(values=[parameter("tilt_z", 1.0, 0.0, 2.0, "deg")])
     model = made()
     odd = replace(model, apparatus=(replace(model.apparatus[0], name="hand_aye_x"),))
     with pytest.raises(ParameterError, match=r"of cameras and arm 'hand_aye_x'\. Did you mean 'hand_eye_x'"):
@@ -107,7 +114,7 @@ def test_a_parameter_that_nobody_knows_is_refused_with_the_known_ones() -> None:
 @pytest.mark.parametrize("value", [0.5, float("nan")])
 def test_an_error_of_cameras_or_arm_outside_of_its_range_is_refused(value: float) -> None:
     with pytest.raises(ParameterError, match="hand_eye_x"):
-        made(values={"hand_eye_x": Estimated(value, 0.0, 1.0)})
+        made(values=[parameter("hand_eye_x", value, 0.0, 1.0)])
 
 
 def test_errors_of_cameras_need_the_cameras_place() -> None:

@@ -9,12 +9,12 @@ from rich.console import Console
 
 from app.core.errors import RecordingError, UsageError
 from app.recording.format import digests
-from app.recording.library.label import VERDICTS, Label, Verdict, relabel
+from app.recording.library.label import SUCCESS_LABELS, Label, SuccessLabel, relabel
 from app.recording.library.recording_index import shelf
 
 
 def label(
-    said: tyro.conf.Positional[Verdict],
+    said: tyro.conf.Positional[SuccessLabel],
     files: tyro.conf.Positional[tuple[Path, ...]],
     /,
     *,
@@ -30,7 +30,7 @@ def label(
         operator: name of the person; the user who is logged in where none is named.
     """
     if not files:
-        raise UsageError(f"Name at least one recording: dipac recordings label {'|'.join(VERDICTS)} FILE...")
+        raise UsageError(f"Name at least one recording: dipac recordings label {'|'.join(SUCCESS_LABELS)} FILE...")
     terminal = Console(highlight=False, soft_wrap=True, markup=False)
     told, entries = Label.now(said, note=note, operator=operator or _user()), shelf(files)
     for entry in entries:

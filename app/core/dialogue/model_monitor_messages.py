@@ -5,6 +5,8 @@ from typing import Literal, TypeAlias, final
 
 from app.core.messages import Message
 
+VerdictKind: TypeAlias = Literal["named", "set", "none", "none_of_these"]
+"""Causes are named; they are alternatives that cannot be told apart; none is missing; something else is."""
 WatchState: TypeAlias = Literal["learning", "right", "wrong"]
 
 
@@ -56,7 +58,7 @@ class Verdict(Message):
     """
 
     source: str
-    kind: Literal["named", "set", "none", "none_of_these"]
+    kind: VerdictKind
     sentences: tuple[str, ...]
     causes: tuple[Blamed, ...]
     ranking: tuple[Blamed, ...]

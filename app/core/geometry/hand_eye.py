@@ -12,7 +12,7 @@ from app.core.types import Transform
 
 Setup: TypeAlias = Literal["fixed", "wrist"]
 """Eye-to-hand (fixed camera, board in the gripper) or eye-in-hand (camera on the wrist, fixed board)."""
-Verdict: TypeAlias = Literal["agrees", "differs", "open"]
+Agreement: TypeAlias = Literal["agrees", "differs", "open"]
 Three: TypeAlias = tuple[float, float, float]
 
 _SEEN_BEND_PX = 0.5
@@ -38,7 +38,7 @@ class LastCheck:
     """Finding of the last check, in words: the calibration `agrees`, `differs`, or was left `open`."""
 
     day: date
-    verdict: Verdict
+    verdict: Agreement
     said: str
 
 

@@ -10,14 +10,14 @@ from app.discovery.dataset.model_under_test import Theta
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
 from app.discovery.residuals.predict import Predictor, SimulationBatch
 from app.discovery.residuals.sensitivity import change_of, switch_of
-from app.discovery.results.case import Check
+from app.discovery.results.case import Estimate
 
 _ARM_M = 0.3
 """Lever arm of the table's slopes, as in `direct`."""
 _DEGREE = np.pi / 180
 
 
-def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -> tuple[Check, ...]:
+def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -> tuple[Estimate, ...]:
     """Direct checks that these recordings allow; the arm's log and the finger against the model's arm and cameras."""
     catalogue = predictor.catalogue
     asked = ("command_delay", "under_reach", "camera_time_offset")
@@ -74,7 +74,7 @@ def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -
             lambda: rows.r[:, girth][:, 0],
         )
     )
-    checks = list[Check]()
+    checks = list[Estimate]()
     for name, about_it, unit, kind, values in makers:
         found = of(values(), seen[kind])
         if len(found):
@@ -82,9 +82,9 @@ def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -
     return tuple(checks)
 
 
-def _check(name: str, about: str, unit: str, values: Float64[np.ndarray, " E"]) -> Check:
+def _check(name: str, about: str, unit: str, values: Float64[np.ndarray, " E"]) -> Estimate:
     """The mean over episodes; with one alone nothing is known of its error."""
     middle = float(values.mean())
     count = len(values)
     half = float(student.ppf(0.95, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else abs(middle)
-    return Check(name=name, about=about, value=middle, low=middle - half, high=middle + half, expected=0.0, unit=unit)
+    return Estimate(name=name, about=about, value=middle, low=middle - half, high=middle + half, null=0.0, unit=unit)

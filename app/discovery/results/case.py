@@ -4,24 +4,26 @@ Values are real ones in SI units (`ParameterSpec.real`), whatever the simulation
 """
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.core.geometry.track import Track
 from app.core.measured_setup import MeasuredSetup
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Family, Theta
 from app.discovery.residuals.sensitivity import Step
 
-Name: TypeAlias = Literal["named", "set", "none", "none_of_these"]
-
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A parameter with its interval. `null`: the value at which its effect vanishes."""
+    """A number with its interval: a parameter, the size of a cause, or a direct measurement without simulation.
+
+    `null`: its value where nothing is wrong; that of a parameter is where its effect vanishes.
+    """
 
     name: str
     about: str
@@ -30,6 +32,11 @@ class Estimate:
     low: float
     high: float
     null: float
+
+    @property
+    def holds_null(self) -> bool:
+        """True if the null value lies in the interval."""
+        return self.low <= self.null <= self.high
 
 
 @final
@@ -60,25 +67,6 @@ class Gain:
     low: float
     high: float
     episodes: int
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """A direct measurement, without simulation: its value and interval, and the expected value."""
-
-    name: str
-    about: str
-    value: float
-    low: float
-    high: float
-    expected: float
-    unit: str
-
-    @property
-    def sound(self) -> bool:
-        """True if the expected value lies in the interval."""
-        return self.low <= self.expected <= self.high
 
 
 @final
@@ -206,8 +194,8 @@ class Case:
 
     amount: Amount
     limits: tuple[Limit, ...]
-    checks: tuple[Check, ...]
-    verdict: Name
+    checks: tuple[Estimate, ...]
+    verdict: VerdictKind
     sentences: tuple[str, ...]
     causes: tuple[CauseResult, ...]
     formula: Formula | None

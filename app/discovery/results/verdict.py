@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
 from app.discovery.inference.decide import NAMED, TEMPERATURE, ModelSelection
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import Z90, project_out
-from app.discovery.results.case import CauseResult, Estimate, Formula, Limit, Name, Power
+from app.discovery.results.case import CauseResult, Estimate, Formula, Limit, Power
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import LEFT
 
@@ -29,7 +30,7 @@ _NAMEABLE = 4.0 * TEMPERATURE
 
 def verdict_of(
     decision: ModelSelection, limits: Sequence[Limit], opened: UnexplainedForce
-) -> tuple[Name, tuple[str, ...]]:
+) -> tuple[VerdictKind, tuple[str, ...]]:
     """The kind of verdict, and the causes that it is about."""
     if any(limit.fatal for limit in limits):
         return "none", ()
@@ -153,7 +154,7 @@ def _size(catalogue: Catalogue, subject: Subject, column: int, value: float) -> 
 
 
 def sentences_of(
-    verdict: Name,
+    verdict: VerdictKind,
     causes: Sequence[CauseResult],
     gain_text: str,
     limits: Sequence[Limit],

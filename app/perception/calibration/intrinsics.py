@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from app.core.errors import PerceptionError
 from app.core.geometry.charuco import Charuco
-from app.core.geometry.hand_eye import Verdict
+from app.core.geometry.hand_eye import Agreement
 from app.core.geometry.lens import STRAIGHT, Distortion, Lens
 from app.perception.calibration.sight import BoardDetection
 
@@ -49,8 +49,8 @@ class LensCheck:
     bend_px: float
 
     @property
-    def verdict(self) -> Verdict:
-        """Verdict: a relevant difference, none, or open where the views could not show one."""
+    def verdict(self) -> Agreement:
+        """A relevant difference, none, or open where the views could not show one."""
         matters = np.array([_MATTERS_SHARE] * 2 + [0.0] * 2) * self.told + [0.0, 0.0, _MATTERS_PX, _MATTERS_PX]
         apart = np.abs(self.fitted - self.told)
         if np.any((apart > matters) & (apart > _SURE * self.deviation)) or self._bends:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.geometry.charuco import Charuco
-from app.core.geometry.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
+from app.core.geometry.hand_eye import Agreement, HandEye, LastCheck, Setup, Spread, Three
 from app.core.geometry.lens import Lens
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.system.disk import replacement
@@ -26,7 +26,7 @@ SCHEMA = 1
 FILE = Path("calibration.toml")
 """Default path of the file."""
 _SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
-_VERDICTS: Mapping[str, Verdict] = {"agrees": "agrees", "differs": "differs", "open": "open"}
+_AGREEMENTS: Mapping[str, Agreement] = {"agrees": "agrees", "differs": "differs", "open": "open"}
 _UNIT = 1e-3
 """Tolerance of a quaternion's length about 1: admits rounding by hand, and rejects typing errors."""
 _LARGEST_PX = 20_000
@@ -235,9 +235,9 @@ def _check(name: str, entry: Mapping[str, Any]) -> LastCheck | None:
         return None
     if type(said["day"]) is not date:
         raise ValueError(f"checks.{name}.day = {said['day']!r} is no day such as 2026-11-23.")
-    if said["verdict"] not in _VERDICTS:
-        raise UsageError.unknown("verdict", str(said["verdict"]), _VERDICTS)
-    return LastCheck(day=said["day"], verdict=_VERDICTS[said["verdict"]], said=str(said["said"]))
+    if said["verdict"] not in _AGREEMENTS:
+        raise UsageError.unknown("verdict", str(said["verdict"]), _AGREEMENTS)
+    return LastCheck(day=said["day"], verdict=_AGREEMENTS[said["verdict"]], said=str(said["said"]))
 
 
 def _transform(name: str, entry: Mapping[str, Any]) -> Transform:

@@ -15,22 +15,22 @@ from app.recording.write.append import append_metadata
 LABEL: Final = "dipac.label"
 """Name of the metadata records that hold labels, in the order in which they were given."""
 
-Verdict: TypeAlias = Literal["success", "failure", "unlabelled"]
-VERDICTS: Final[tuple[Verdict, ...]] = get_args(Verdict)
+SuccessLabel: TypeAlias = Literal["success", "failure", "unlabelled"]
+SUCCESS_LABELS: Final[tuple[SuccessLabel, ...]] = get_args(SuccessLabel)
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """Verdict `said` by `operator`, with a `note` in words; "unlabelled" revokes an earlier one. `at`: ISO 8601."""
+    """Label `said` by `operator`, with a `note` in words; "unlabelled" revokes an earlier one. `at`: ISO 8601."""
 
-    said: Verdict
+    said: SuccessLabel
     note: str = ""
     operator: str = ""
     at: str = ""
 
     @classmethod
-    def now(cls, said: Verdict, *, note: str, operator: str) -> Self:
+    def now(cls, said: SuccessLabel, *, note: str, operator: str) -> Self:
         """A label dated now."""
         return cls(said=said, note=note, operator=operator, at=datetime.now(UTC).isoformat(timespec="seconds"))
 
@@ -38,8 +38,8 @@ class Label:
     def read(cls, metadata: Mapping[str, str]) -> Self:
         """A label from a metadata record. Raises RecordingError where its verdict is unknown."""
         said = metadata.get("said", "")
-        if said not in VERDICTS:
-            raise RecordingError(f"A label says {said!r}; known are {', '.join(VERDICTS)}.")
+        if said not in SUCCESS_LABELS:
+            raise RecordingError(f"A label says {said!r}; known are {', '.join(SUCCESS_LABELS)}.")
         rest = {name: metadata.get(name, "") for name in ("note", "operator", "at")}
         return cls(said=said, **rest)
 

@@ -17,7 +17,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Message, MessageId, fresh_id
 from app.recording.format import digests
 from app.recording.library.clip import Cut, write_clip
-from app.recording.library.label import Label, Verdict, relabel
+from app.recording.library.label import Label, SuccessLabel, relabel
 from app.recording.library.prune import discard
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder
@@ -174,7 +174,7 @@ class SessionRecorder:
         return replace(self._room, expected_bytes=expected_bytes)
 
 
-def _end(take: EpisodeRecorder, said: Verdict | None, operator: str) -> None:
+def _end(take: EpisodeRecorder, said: SuccessLabel | None, operator: str) -> None:
     take.finish()
     if said is None:
         discard(take.path)

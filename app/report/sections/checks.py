@@ -3,7 +3,7 @@
 import math
 
 from app.core.dialogue.words import NOTHING, sentence
-from app.discovery.results.case import Case, Check
+from app.discovery.results.case import Case, Estimate
 from app.report.drawing.chart import Axis, line, svg
 from app.report.drawing.layout import paragraph, table
 from app.report.drawing.markup import Markup, concat, tag
@@ -18,7 +18,7 @@ def checks(case: Case) -> Markup:
         return paragraph(
             "Nothing could be checked without simulating: finger, bare table and measured poses are missing."
         )
-    unsound = [check for check in case.checks if not check.sound]
+    unsound = [check for check in case.checks if not check.holds_null]
     said = (
         f"{len(unsound)} of {len(case.checks)} checks are off: what would be right lies outside of the interval."
         if unsound
@@ -29,32 +29,34 @@ def checks(case: Case) -> Markup:
     return concat([paragraph(said, "lead"), table(heads, rows, numbers=(2, 3, 4), kind="checks")])
 
 
-def _row(check: Check) -> tuple[Markup, Markup, str, str, str, Markup]:
-    mark = tag("span", "sound" if check.sound else "off", class_=f"mark {'sound' if check.sound else 'unsound'}")
+def _row(check: Estimate) -> tuple[Markup, Markup, str, str, str, Markup]:
+    mark = tag(
+        "span", "sound" if check.holds_null else "off", class_=f"mark {'sound' if check.holds_null else 'unsound'}"
+    )
     name = concat([tag("b", sentence(check.name)), tag("small", check.about)])
     numbers = (check.value, check.low, check.high, check.unit)
     return mark, name, best(*numbers), interval(*numbers), _expectation(check), _strip(check)
 
 
-def _expectation(check: Check) -> str:
+def _expectation(check: Estimate) -> str:
     shown = display(check.unit, check.value, check.low, check.high)
-    return with_symbol(decimal(check.expected * shown.factor, 0), shown) if math.isfinite(check.expected) else NOTHING
+    return with_symbol(decimal(check.null * shown.factor, 0), shown) if math.isfinite(check.null) else NOTHING
 
 
-def _strip(check: Check) -> Markup:
+def _strip(check: Estimate) -> Markup:
     """The interval as a bar, with a tick at the expected value."""
-    values = [check.low, check.high, check.value, check.expected]
+    values = [check.low, check.high, check.value, check.null]
     if not all(map(math.isfinite, values)):
         return tag("span", NOTHING)
     x = Axis(low=min(values), high=max(values), start=10.0, end=_WIDTH - 10)
-    kind, middle = "sound" if check.sound else "unsound", _HEIGHT / 2
+    kind, middle = "sound" if check.holds_null else "unsound", _HEIGHT / 2
     return svg(
         _WIDTH,
         _HEIGHT,
-        f"{check.name}: {'sound' if check.sound else 'off'}",
+        f"{check.name}: {'sound' if check.holds_null else 'off'}",
         "The interval as a bar, the value as a dot, and what would be right as a tick.",
         line((4.0, middle), (_WIDTH - 4, middle), "grid"),
         line((x(check.low), middle), (x(check.high), middle), f"bar {kind}"),
         tag("circle", cx=x(check.value), cy=middle, r=4.5, class_=f"value {kind}"),
-        line((x(check.expected), 2.0), (x(check.expected), _HEIGHT - 2), "right"),
+        line((x(check.null), 2.0), (x(check.null), _HEIGHT - 2), "right"),
     )

@@ -16,7 +16,7 @@ from app.core.dialogue.control import ModeName
 from app.core.dialogue.requests import CalibrationRequest
 from app.core.errors import DeviceError, DipacError, PerceptionError, UsageError
 from app.core.geometry.charuco import Charuco
-from app.core.geometry.hand_eye import HandEye, LastCheck, Verdict
+from app.core.geometry.hand_eye import Agreement, HandEye, LastCheck
 from app.core.geometry.lens import Lens
 from app.core.messages import ArmState, Frame, fresh_id
 from app.core.ports import CameraShelf, Clock, Computers, Rig
@@ -159,7 +159,7 @@ class Calibrating:
         if self._kept is None:
             raise UsageError(f"No calibration of camera {target.serial!r} was kept that could be checked; make one.")
         found = drift(self._kept, await self._view(target, mode))
-        verdict: Verdict = "differs" if found.beyond else "agrees"
+        verdict: Agreement = "differs" if found.beyond else "agrees"
         noted = LastCheck(day=datetime.now(UTC).date(), verdict=verdict, said=str(found))
         self._kept = replace(self._kept, place=noted)
         self._checked = (Checked(moved_m=found.moved_m, turned_deg=found.turned_deg, beyond=found.beyond),)

@@ -10,7 +10,6 @@ from app.discovery.results.case import (
     Amount,
     Case,
     CauseResult,
-    Check,
     Estimate,
     Example,
     Formula,
@@ -227,7 +226,7 @@ def others() -> tuple[CauseResult, ...]:
     )
 
 
-def checks() -> tuple[Check, ...]:
+def checks() -> tuple[Estimate, ...]:
     rows = (
         ("command delay", "The measured pose against the command.", 0.004, -0.003, 0.011, 0.0, "s"),
         ("gain of the arm", "Stroke made over stroke commanded.", 0.997, 0.991, 1.003, 1.0, "1"),
@@ -237,7 +236,7 @@ def checks() -> tuple[Check, ...]:
         ("table plane, tilt", "The bare table against level.", 0.05, -0.08, 0.18, 0.0, "deg"),
     )
     return tuple(
-        Check(name=name, about=about, value=value, low=low, high=high, expected=expected, unit=unit)
+        Estimate(name=name, about=about, value=value, low=low, high=high, null=expected, unit=unit)
         for name, about, value, low, high, expected, unit in rows
     )
 
