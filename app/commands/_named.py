@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
-from app.recording.exchange.toml_file import read_toml
+from app.recording.exchange.toml_file import finite_number, read_toml
 from app.tasks import load, name_with_dynamics
 from app.tasks.elements.sizes import SIZES
 
@@ -43,9 +43,10 @@ def read_sizes(path: Path) -> dict[str, float]:
         raise UsageError(f"Cannot read the object {path}: {error.strerror}.") from None
     except ValueError as error:
         raise UsageError(f"{path} is no TOML file ({error}); write lines such as `length_m = 0.3`.") from None
-    for name, value in table.items():
+    for name in table:
         if name not in SIZES:
             raise UsageError.unknown(f"size in {path}", name, SIZES)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise UsageError(f"{path}: {name} = {value!r} is no number; write such as `{name} = {SIZES[name][0]}`.")
-    return {name: float(value) for name, value in table.items()}
+    try:
+        return {name: finite_number(name, value) for name, value in table.items()}
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}; write such as `length_m = 0.3`.") from None

@@ -9,6 +9,7 @@ import numpy as np
 
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, fresh_id
+from app.core.system.clock import PollDeadline
 from app.core.system.ring import Ring
 
 _POLL_S = 0.01
@@ -41,12 +42,11 @@ class SharedMemoryCamera:
 
         While waiting it calls `check` repeatedly; an error of that ends the wait.
         """
-        with anyio.move_on_after(self._timeout_s):
-            while (frame := self._newest()) is None:
-                check()
-                await anyio.sleep(_POLL_S)
-            return frame
-        return None
+        deadline = PollDeadline(self._timeout_s)
+        while (frame := self._newest()) is None and not deadline.is_over():
+            check()
+            await anyio.sleep(_POLL_S)
+        return frame
 
     def _newest(self) -> Frame | None:
         count = self._images.count

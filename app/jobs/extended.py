@@ -143,7 +143,8 @@ def _slope(spec: ParameterSpec, value: float) -> float:
 
 def _effect_names() -> list[str]:
     """Every effect that a model may name: causes, our own numerics, and libraries of terms."""
-    return [*(cause.name for cause in catalogue().causes), *ANY_NUMERICS, *effects_of_the_simulator()]
+    names = [*(cause.name for cause in catalogue().causes), *ANY_NUMERICS, *effects_of_the_simulator()]
+    return list(dict.fromkeys(names))
 
 
 def _apparatus_specs() -> dict[str, ParameterSpec]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.__main__ import main
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
@@ -283,3 +284,62 @@ def test_the_script_in_the_documentation_makes_such_a_file(tmp_path: Path, monke
         "The tool was not seen during any push.",
         "The bare table was not seen.",
     }
+
+
+def spoilt(folder: Path, kind: str) -> Path:
+    """A file of the right name that is no archive of plain arrays."""
+    file = saved(folder, plain_arrays())
+    data = bytearray(file.read_bytes())
+    match kind:
+        case "npy":
+            np.save(file.with_suffix(".npy"), np.zeros((40, 3)))
+            file = file.with_suffix(".npy")
+        case "encrypted" | "method":
+            for mark, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+                at = -1
+                while (at := data.find(mark, at + 1)) >= 0:
+                    if kind == "encrypted":
+                        data[at + offset] |= 1
+                    else:
+                        data[at + offset + 2] = 97
+            file.write_bytes(data)
+        case "objects":
+            np.savez(file, **plain_arrays() | {"cloud_time": np.array([1, None], object)})
+        case "parquet":
+            file.write_bytes(b"PAR1" + bytes(100))
+        case _:
+            file.write_bytes(b"")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("npy", "numpy.savez"),
+        ("encrypted", "encrypted"),
+        ("method", "compression"),
+        ("objects", "Python objects"),
+        ("parquet", "no .npz archive"),
+        ("empty", "no .npz archive"),
+    ],
+)
+@pytest.mark.parametrize("command", ["import", "replay"])
+def test_what_is_no_archive_is_said_in_one_line(kind: str, words: str, command: str, tmp_path: Path, capsys) -> None:
+    file = spoilt(tmp_path, kind)
+    more = ["-o", str(tmp_path / "a.mcap")] if command == "import" else []
+    assert main([command, str(file), *more]) == RecordingError.exit_code
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert "If you trust" not in said
+    assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize("length", ["[" * 100_000 + "]" * 100_000, "1" + "0" * 400, "1" + "0" * 5000, "-1" + "0" * 400])
+def test_absurd_numbers_and_nests_in_about_are_said_in_one_line(length: str, tmp_path: Path, capsys) -> None:
+    about = '{"task": "rope_push", "object": {"length_m": ' + length + "}}"
+    file = saved(tmp_path, plain_arrays() | {"about": np.array(about)})
+    assert main(["import", str(file), "-o", str(tmp_path / "a.mcap")]) == RecordingError.exit_code
+    said = capsys.readouterr().err
+    assert "about" in said
+    assert said.count("\n") == 1

@@ -53,6 +53,25 @@ async def test_an_image_is_waited_for(images: Ring) -> None:
     assert frame is not None
 
 
+async def test_time_in_which_the_program_stood_still_is_not_waited(images: Ring, monkeypatch) -> None:
+    standstill_s = 0.0
+    monotonic = time.monotonic
+    monkeypatch.setattr("app.core.system.clock.time.monotonic", lambda: monotonic() + standstill_s)
+    view = SharedMemoryCamera(MODEL, images, timeout_s=1.0)
+    async with anyio.create_task_group() as group:
+
+        async def sleep_and_wake() -> None:
+            nonlocal standstill_s
+            await anyio.sleep(0.05)
+            standstill_s = 20.0
+            await anyio.sleep(0.1)
+            put(images, monotonic())
+
+        group.start_soon(sleep_and_wake)
+        assert await view.read(well) is not None
+    assert await view.read(well) is None
+
+
 async def test_an_image_that_comes_before_it_is_due_is_not_read(images: Ring) -> None:
     view, now_s = SharedMemoryCamera(MODEL, images, timeout_s=0.05, period_s=0.5), time.monotonic()
     put(images, now_s)

@@ -89,3 +89,17 @@ def test_workers_end_with_their_parent_even_if_it_is_killed(tmp_path: Path) -> N
 def test_without_ray_the_error_says_how_to_install_it() -> None:
     with pytest.raises(UsageError, match=r'-e "\.\[ray\]"'):
         list(completed_rows(squared, [1], where="ray", processes=1))
+
+
+def quick_or_endless(number: int) -> dict[str, Any]:
+    if number:
+        time.sleep(600.0)
+    return {"number": number}
+
+
+def test_leaving_early_ends_the_jobs_that_are_running() -> None:
+    rows = completed_rows(quick_or_endless, range(4), where="local", processes=2)
+    assert next(rows) == (0, {"number": 0})
+    began_s = time.monotonic()
+    rows.close()
+    assert time.monotonic() - began_s < PATIENCE_S

@@ -85,7 +85,7 @@ def test_a_serial_number_without_quotes_is_told_to_get_them(kind: str, tmp_path:
         ('unit = "Pa"', 'unit = "Pa"\nlo = 1', "Did you mean 'low'"),
         ("\nlow = ", "\nlow = 9e9 #", "above high"),
         ("\nhigh = ", "\nhigh = nan #", "no finite number"),
-        ("\nvalue = ", "\nvalue = true #", "no finite number"),
+        ("\nvalue = ", "\nvalue = true #", "no number"),
         ("version = 0", "version = inf", "no whole number"),
         ("version = 0", "version = 1.9", "no whole number"),
         ("version = 0", f"version = {10**400}", "model"),
@@ -200,3 +200,16 @@ def test_a_rational_distortion_is_told_to_be_rectified(tmp_path: Path) -> None:
     path.write_text(CAMERA.replace("width", "widht"))
     with pytest.raises(RecordingError, match="Did you mean 'width'"):
         load_lens(path)
+
+
+@pytest.mark.parametrize("kind", READERS)
+@pytest.mark.parametrize("number", ["1" + "0" * 400, "1" + "0" * 5000, "nan", "-inf", "true", "1e400"])
+def test_absurd_numbers_are_refused_by_every_reader(kind: str, number: str, model_text: str, tmp_path: Path) -> None:
+    text, read = READERS[kind]
+    path = tmp_path / "a.toml"
+    # The first number, and the last one.
+    for pattern in (r"(?s)^(.*?= )[0-9.]+\n", r"(?s)^(.*= )[0-9.]+\n"):
+        path.write_text(re.sub(pattern, rf"\g<1>{number}\n", text or model_text, count=1))
+        with pytest.raises(DipacError) as refused:
+            read(path)
+        assert "\n" not in str(refused.value)

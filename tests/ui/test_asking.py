@@ -235,7 +235,7 @@ def test_files_are_goals_once_they_are_chosen(served: Served, browser_page: Page
 
     (tmp_path / "notes.txt").write_text("not a goal")
     chooser.set_input_files(tmp_path / "notes.txt")
-    expect(page.get_by_text("give one .npy or .ply file")).to_be_visible()
+    expect(page.get_by_text("give one .npy, .npz or .ply file")).to_be_visible()
 
 
 def test_demonstrations_are_begun_ended_and_counted(served: Served, browser_page: Page) -> None:

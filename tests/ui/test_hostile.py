@@ -157,6 +157,13 @@ async def test_bytes_at_random_on_the_open_port_are_answered_or_hung_up_on() -> 
         await nothing_came_of_it(it)
 
 
+async def test_a_request_that_is_none_is_answered_and_no_news_for_the_operator(caplog) -> None:
+    async with opened() as it, aiohttp.ClientSession() as stranger:
+        long = URL(f"{it.origin}/{'a' * 20_000}", encoded=True)
+        assert await http_status(stranger, "GET", long) == 400
+    assert caplog.records == []
+
+
 async def test_a_crowd_is_turned_away_at_the_door_and_stop_still_works() -> None:
     async with opened() as it:
         held: list[aiohttp.ClientWebSocketResponse] = []
@@ -323,7 +330,7 @@ async def test_files_come_in_from_the_pages_of_this_run_alone_and_nonsense_asks_
             files = [(str(rng.choice(names)), rng.bytes(int(rng.integers(0, 2000)))) for _ in range(count % 5)]
             async with it.browser.post(goal, data=parcel(key, *files), headers=own) as reply:
                 assert reply.status == 200
-                assert "give one .npy or .ply" in await reply.text()
+                assert "give one .npy, .npz or .ply" in await reply.text()
         await nothing_came_of_it(it)
 
 

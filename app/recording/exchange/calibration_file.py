@@ -20,7 +20,7 @@ from app.core.geometry.lens import Lens
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.system.disk import replacement
 from app.core.types import Transform
-from app.recording.exchange.toml_file import read_toml, refuse_unknown
+from app.recording.exchange.toml_file import finite_number, read_toml, refuse_unknown
 
 SCHEMA = 1
 FILE = Path("calibration.toml")
@@ -106,7 +106,7 @@ def load_cameras(path: Path) -> dict[str, HandEye]:
         ) from None
     except ValueError as error:
         raise RecordingError(f"{path} is no TOML file: {error}.") from None
-    if table.get("schema") != SCHEMA:
+    if table.get("schema") != SCHEMA or table["schema"] is True:
         raise RecordingError(
             f"{path} has calibration schema {table.get('schema')}; this version reads schema {SCHEMA}. Calibrate again "
             "with `dipac calibration solve` or in the console."
@@ -134,7 +134,7 @@ def load_lens(path: Path) -> tuple[str, Lens]:
         raise UsageError(
             f"Cannot read the camera {path}: {error.strerror}; docs/calibration-cameras.md has one to copy."
         ) from None
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise RecordingError(
             f"{path} is no camera ({why}); it needs serial, and width, height, fx, fy, cx, cy and distortion (five "
@@ -189,7 +189,7 @@ def _camera(path: Path, serial: str, entry: Mapping[str, Any]) -> HandEye:
         return _read(serial, entry)
     except KeyError as error:
         raise RecordingError(f"{path}: camera {serial!r} lacks {error}; calibrate it again.") from None
-    except (TypeError, ValueError, AttributeError, DipacError) as error:
+    except (TypeError, ValueError, ArithmeticError, AttributeError, DipacError) as error:
         raise RecordingError(f"{path}: camera {serial!r}: {error} Correct it, or calibrate again.") from None
 
 
@@ -291,6 +291,4 @@ def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
 
 
 def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{name} = {value!r} is no finite number.")
-    return float(value)
+    return finite_number(name, value)

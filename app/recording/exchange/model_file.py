@@ -71,7 +71,7 @@ def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> M
 def _read(path: Path, time_s: float) -> Model:
     try:
         table = read_toml(path)
-        if table["schema"] not in _READ:
+        if whole_number("schema", table["schema"]) not in _READ:
             raise RecordingError(
                 f"{path} has model schema {table['schema']}; this version reads schema {_READ[0]} and {_READ[1]}. "
                 "Use the version of dipac that wrote it, or calibrate again."

@@ -6,7 +6,6 @@ strange result: an error names the array and the first bad index.
 
 import itertools
 import json
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import pi, radians, remainder
@@ -19,6 +18,7 @@ from jaxtyping import Float32, Float64, Int64
 
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
+from app.core.system.array_file import read_arrays
 from app.core.types import Cloud, Poses
 from app.recording.exchange.plain_checks import (
     as_array,
@@ -163,12 +163,11 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     known = {*_REQUIRED, *(name for names in _TOGETHER for name in names)}
     _refuse_foreign(path)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {name: cast(np.ndarray, archive[name]) for name in archive.files}
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, RuntimeError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(path)
+    except (OSError, ValueError) as error:
         raise RecordingError(
-            f"{path} is no .npz file of plain arrays ({error}); write it with numpy.savez, without objects."
-        ) from error
+            f"{path} is no .npz file of plain arrays ({error}); docs/recording-format.md has a script that makes one."
+        ) from None
     for name in arrays:
         if name not in known:
             raise UsageError.unknown("array", name, known)
@@ -238,8 +237,8 @@ def _about(array: np.ndarray) -> dict[str, Any]:
         raise RecordingError(f"about must be one string, and is {array.dtype} of the shape {array.shape}.")
     try:
         about = json.loads(str(array))
-    except json.JSONDecodeError as error:
-        raise RecordingError(f"about is no JSON ({error}).") from None
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"about is no JSON that can be read ({error}).") from None
     if not isinstance(about, dict):
         raise RecordingError('about must be a JSON object, for example {"task": "rope_push"}.')
     plausible_about(cast(dict[str, Any], about))

@@ -11,6 +11,7 @@ from app.core.types import Poses
 
 _FEWEST_POINTS: Final = 30
 """Least number of points in a cloud: fewer do not locate each part of the object."""
+_LARGEST: Final = 10**300
 _POINT_M: Final = 1e-3
 """Extent below which points are one point, and no object."""
 _FARTHEST_M: Final = 5.0
@@ -244,4 +245,4 @@ def _number(about: Mapping[str, Any], thing: str, name: str) -> float | None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise RecordingError(f"about says that {thing}.{name} is {value!r}; give a number of metres.")
-    return float(value)
+    return float(max(-_LARGEST, min(value, _LARGEST)))  # A whole number may have any number of digits.

@@ -13,7 +13,7 @@ from app.core.types import Cloud
 SUFFIXES: Final = ("npy", "npz", "ply")
 _MOST_POINTS: Final = 100_000
 _MOST_BYTES: Final = 1 << 30
-ADVICE: Final = "give an .npy, .npz or .ply file of points (M, 3) in metres"
+ADVICE: Final = "give one .npy, .npz or .ply file of points (M, 3) in metres"
 
 
 def points_in(name: str, data: bytes) -> Cloud:

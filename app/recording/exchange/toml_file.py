@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -45,7 +46,9 @@ def refuse_unknown(place: str, table: Mapping[str, Any], known: Iterable[str]) -
 
 def finite_number(place: str, value: object) -> float:
     """The value as a number. Raises ValueError, which names the `place`, where it is none, or not finite."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{place} = {value!r} is no number")
+    if not abs(value) <= sys.float_info.max:
         raise ValueError(f"{place} = {value!r} is no finite number")
     return float(value)
 

@@ -7,6 +7,7 @@ import anyio
 from app.core.errors import DeviceError, RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
+from app.core.system.clock import PollDeadline
 from app.rig.replayed.projector import Projector
 
 _POLL_S: Final = 0.01
@@ -37,13 +38,13 @@ class ReplayedCamera:
         Raises DeviceError where none comes in time, such as in a gap of the recording, and where the recording has
         become unreadable.
         """
-        with anyio.move_on_after(self._timeout_s):
-            while True:
-                frame = self._newest()
-                if frame is not None and frame is not self._read:
-                    self._read = frame
-                    return frame
-                await anyio.sleep(_POLL_S)
+        deadline = PollDeadline(self._timeout_s)
+        while not deadline.is_over():
+            frame = self._newest()
+            if frame is not None and frame is not self._read:
+                self._read = frame
+                return frame
+            await anyio.sleep(_POLL_S)
         raise DeviceError(
             f"Camera {self._model.name!r} gave no image for {self._timeout_s:g} s in the recording either; wait until "
             "the others have gone on to where it did, or use another recording."

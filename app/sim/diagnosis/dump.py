@@ -7,8 +7,6 @@ this version alone, by their names; any other is refused.
 import hashlib
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
@@ -20,6 +18,7 @@ import numpy as np
 
 from app import __version__
 from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.system.array_file import read_arrays
 from app.core.system.disk import replacement
 from app.sim.diagnosis.failure_diagnosis import MpmCase
 from app.sim.diagnosis.rod_dump import rod_arrays, rod_case_of, rod_header
@@ -75,14 +74,13 @@ def load_dump(path: Path) -> Dump:
     that this one cannot replay.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-            entries = {name: arrays[name] for name in arrays.files}
+        entries = read_arrays(path)
         header = json.loads(str(entries["header"]))
         if header["format"] != FORMAT:
             raise KeyError("format")
     except OSError as error:
         raise UsageError(f"Cannot read the dump {path}: {error.strerror or error}.") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RecordingError(
             f"{path} is not a dump of a simulation ({type(error).__name__}: {error}); a failed simulation names the "
             "one that it left."

@@ -42,24 +42,13 @@ def changed_rods(rods: RodProperties, context: RodContext, phi: EffectParameters
     return rods._replace(table_friction=rods.table_friction * factor[:, 0], rigidity=rods.rigidity * factor[:, 1:])
 
 
-_AFTER = "after the change over that before it."
+_ENDS = (-1.0, 0.5, 1.0)
+_LOG, _AFTER = "Logarithm of", "after the change over that before it."
 _ABOUT = "When the change happens: -0.5 is the beginning and 0.5 the end of the session."
 EFFECT = Effect(
     parameters=(
-        linear(
-            "friction_step",
-            "1",
-            (-1.0, 0.5, 1.0),
-            f"Logarithm of the table's friction {_AFTER}",
-            rod_null_prior=(0.0, 0.044),
-        ),
-        linear(
-            "stiffness_step",
-            "1",
-            (-1.0, 0.5, 1.0),
-            f"Logarithm of the object's stiffness {_AFTER}",
-            rod_null_prior=(0.0, 0.047),
-        ),
+        linear("friction_step", "1", _ENDS, f"{_LOG} the table's friction {_AFTER}", rod_null_prior=(0.0, 0.044)),
+        linear("stiffness_step", "1", _ENDS, f"{_LOG} the object's stiffness {_AFTER}", rod_null_prior=(0.0, 0.047)),
         ParameterSpec(name="step_time", unit="session", nominal=0.0, low=-0.5, high=0.5, scale="linear", about=_ABOUT),
     ),
     switches=2,

@@ -93,6 +93,7 @@ def linear(
     about: str,
     scaling: tuple[int, int] = (0, 0),
     rod_null_prior: NullPrior | None = None,
+    null_prior: NullPrior | None = None,
 ) -> ParameterSpec:
     """A parameter that vanishes at 0, on a linear scale; `ends` are its lowest, typical and highest value."""
     low, typical, high = ends
@@ -106,6 +107,7 @@ def linear(
         scaling=scaling,
         scale="linear",
         about=about,
+        null_prior=null_prior,
         rod_null_prior=rod_null_prior,
     )
 

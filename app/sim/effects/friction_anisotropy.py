@@ -11,8 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import Effect, NodeContext, linear
 from app.sim.rods.effect import RodEffect
 
 REST = wp.constant(1.0e-6)
@@ -26,32 +25,13 @@ def directed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
     return mu * (1.0 + (phi[at] * (x * x - y * y) + phi[at + 1] * (2.0 * x * y)) / (x * x + y * y + REST))
 
 
+_ENDS = (-0.6, 0.2, 0.6)
+_AXES = "How much more the table rubs along x, and less along y, as a share of its friction."
+_DIAGONALS = "How much more the table rubs along the diagonal x = y, and less along x = -y."
 EFFECT = Effect(
     parameters=(
-        ParameterSpec(
-            name="anisotropy_axes",
-            unit="1",
-            nominal=0.0,
-            low=-0.6,
-            high=0.6,
-            typical=0.2,
-            scale="linear",
-            about="How much more the table rubs along x, and less along y, as a share of its friction.",
-            null_prior=(0.0, 0.14),
-            rod_null_prior=(0.0, 0.081),
-        ),
-        ParameterSpec(
-            name="anisotropy_diagonals",
-            unit="1",
-            nominal=0.0,
-            low=-0.6,
-            high=0.6,
-            typical=0.2,
-            scale="linear",
-            about="How much more the table rubs along the diagonal x = y, and less along x = -y.",
-            null_prior=(0.0, 0.14),
-            rod_null_prior=(0.0, 0.081),
-        ),
+        linear("anisotropy_axes", "1", _ENDS, _AXES, null_prior=(0.0, 0.14), rod_null_prior=(0.0, 0.081)),
+        linear("anisotropy_diagonals", "1", _ENDS, _DIAGONALS, null_prior=(0.0, 0.14), rod_null_prior=(0.0, 0.081)),
     ),
     table_friction=directed_friction,
     rod=RodEffect(

@@ -35,34 +35,14 @@ def rates_of_step(phi: EffectParameters, rods: RodContext) -> EffectParameters:
     return phi.at[:, 0].set(jnp.exp(-phi[:, 0] * rods.scene.dt_s))
 
 
+_SQUARED = "Drag that grows with the square of speed."
+_SIDEWAYS, _RATE = "Pull to the left of the way, as a share of weight.", "Pull to the left in proportion to speed."
 EFFECT = Effect(
     parameters=(
-        linear(
-            "drag", "1/s", (-10.0, 10.0, 50.0), "Drag in proportion to speed.", (1, -1), rod_null_prior=(-0.274, 0.148)
-        ),
-        linear(
-            "drag_squared",
-            "1/m",
-            (-20.0, 20.0, 100.0),
-            "Drag that grows with the square of speed.",
-            (2, -1),
-            rod_null_prior=(-0.009, 0.059),
-        ),
-        linear(
-            "sideways",
-            "1",
-            (-0.5, 0.15, 0.5),
-            "Pull to the left of the way, as a share of weight.",
-            rod_null_prior=(0.0, 0.011),
-        ),
-        linear(
-            "sideways_rate",
-            "1/s",
-            (-50.0, 10.0, 50.0),
-            "Pull to the left in proportion to speed.",
-            (1, -1),
-            rod_null_prior=(0.0, 0.023),
-        ),
+        linear("drag", "1/s", (-10.0, 10.0, 50.0), "Drag in proportion to speed.", (1, -1), (-0.274, 0.148)),
+        linear("drag_squared", "1/m", (-20.0, 20.0, 100.0), _SQUARED, (2, -1), (-0.009, 0.059)),
+        linear("sideways", "1", (-0.5, 0.15, 0.5), _SIDEWAYS, rod_null_prior=(0.0, 0.011)),
+        linear("sideways_rate", "1/s", (-50.0, 10.0, 50.0), _RATE, (1, -1), (0.0, 0.023)),
     ),
     catalogued=False,
     node_velocity=moving_velocity,

@@ -32,27 +32,16 @@ def _share(name: str, unit: str, typical: float, about: str, rod_null_prior: Nul
     return linear(name, unit, (-end, typical, end), about, rod_null_prior=rod_null_prior)
 
 
+_SPREAD = "Push away from a point by each metre from it, as a share of weight."
+_SWIRL = "Push round a point, to the left, by each metre from it, as a share of weight."
+_STRETCH = "Push outwards along x and inwards along y, a metre, as a share of weight."
 EFFECT = Effect(
     parameters=(
         _share("push_x", "1", 0.1, "Push along x, as a share of weight.", (0.0, 0.01)),
         _share("push_y", "1", 0.1, "Push along y, as a share of weight.", (0.0, 0.01)),
-        _share(
-            "spread", "1/m", 0.8, "Push away from a point by each metre from it, as a share of weight.", (-0.004, 0.01)
-        ),
-        _share(
-            "swirl",
-            "1/m",
-            0.8,
-            "Push round a point, to the left, by each metre from it, as a share of weight.",
-            (0.0, 0.008),
-        ),
-        _share(
-            "stretch_axes",
-            "1/m",
-            0.8,
-            "Push outwards along x and inwards along y, a metre, as a share of weight.",
-            (0.0, 0.008),
-        ),
+        _share("spread", "1/m", 0.8, _SPREAD, (-0.004, 0.01)),
+        _share("swirl", "1/m", 0.8, _SWIRL, (0.0, 0.008)),
+        _share("stretch_axes", "1/m", 0.8, _STRETCH, (0.0, 0.008)),
         _share("stretch_diagonals", "1/m", 0.8, "The same along the diagonals x = y and x = -y.", (0.0, 0.008)),
     ),
     catalogued=False,

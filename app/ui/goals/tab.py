@@ -182,9 +182,10 @@ def files(cameras: Iterable[str]) -> str:
     """HTML of the file input; the page's script sends the files."""
     options = "".join(f"<option>{escape(name)}</option>" for name in cameras)
     return (
-        '<div class="dp"><h3>Of a file</h3><p><small>Points [m] as .npy or .ply; or a colour picture and a 16-bit '
-        "depth picture of one camera.</small></p>"
-        '<input type="file" data-goal-files multiple accept=".npy,.ply,.png,.jpg,.jpeg" aria-label="Goal of a file">'
+        '<div class="dp"><h3>Of a file</h3><p><small>Points [m] as .npy, .npz or .ply; or a colour picture and a '
+        "16-bit depth picture of one camera.</small></p>"
+        '<input type="file" data-goal-files multiple accept=".npy,.npz,.ply,.png,.jpg,.jpeg" '
+        'aria-label="Goal of a file">'
         f"<p><label>Camera of the pictures <select data-goal-camera>{options}</select></label></p>"
         '<p data-goal-says role="status"></p></div>'
     )

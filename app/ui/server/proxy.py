@@ -3,6 +3,7 @@
 It runs on viser's own event loop and thread, so that STOP gets through while the program's loop is busy or blocked.
 """
 
+import logging
 import re
 import secrets
 import socket
@@ -14,6 +15,7 @@ from typing import Literal, final
 import aiohttp
 import anyio
 from aiohttp import web
+from aiohttp.http import HttpProcessingError
 
 from app.ui.parts.rate_limiter import RateLimiter
 from app.ui.server.access import Access
@@ -39,6 +41,15 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
+
+
+def _is_defect(record: logging.LogRecord) -> bool:
+    """True for what is wrong in this program. A request that is none is answered with 400, and is no news here."""
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+
+
+_LOG = logging.getLogger(__name__)
+_LOG.addFilter(_is_defect)
 
 
 @final
@@ -86,7 +97,7 @@ class Proxy:
         for path, handler in self._ways.items():
             application.router.add_route("*", f"/{path}", handler)
         application.router.add_get("/{path:.*}", self._relay_http)
-        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(application, access_log=None, logger=_LOG, shutdown_timeout=1.0)
         await self._runner.setup()
         await web.SockSite(self._runner, listening, ssl_context=tls).start()
 
