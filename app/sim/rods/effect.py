@@ -104,8 +104,10 @@ class RodEffect:
     lightens: bool = False
     """True if it may make nodes lighter than the scene's, which limits the time step."""
     numbers: Callable[[jax.Array, RodContext], jax.Array] = own_parameters
-    """The numbers `phi` of the laws (B, P), as many as parameters, from these and the context. Constants, such as a sine,
-    are computed here."""
+    """The numbers `phi` of the laws (B, P), as many as parameters, from these and the context.
+
+    What is constant, such as a sine, is computed here.
+    """
 
     @property
     def has_law(self) -> bool:
