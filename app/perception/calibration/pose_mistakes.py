@@ -29,7 +29,7 @@ _MISTAKES: Final[Mapping[str, Callable[[Transforms], Transforms]]] = MappingProx
     {
         "the quaternions are x, y, z, w under heads that say qw, qx, qy, qz: correct the heads": _reordered,
         # For the chain of transforms these two are the same.
-        "they are of the base in the gripper's frame (give the inverse ones), or --setup is the other one": inverse,
+        "they are poses of the base in the gripper's frame (give the inverse), or --setup is the other one": inverse,
         "each pose stands one row too late: move them up": lambda poses: np.roll(poses, -1, axis=0),
         "each pose stands one row too early: move them down": lambda poses: np.roll(poses, 1, axis=0),
     }
