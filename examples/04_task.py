@@ -44,7 +44,6 @@ class ArcProblems:
         return fill_tube(nodes, self.rope.radius_m, particle_count)
 
 
-# rope_push's own sizes do not hold here; where something stands on the table, nor does its symmetry.
 TASK = add(replace(load("rope_push"), name="rope_arc", problems=ArcProblems(rope=load("rope_push").rope), sized=None))
 
 

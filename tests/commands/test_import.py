@@ -250,7 +250,7 @@ def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("begin", "kind"),
     [
-        (b"\x93NUMPY\x01\x00", "a single NumPy array"),
+        (b"\x93NUMPY\x01\x00", "one array without a name"),
         (b"PAR1", "Parquet"),
         (b"\x89HDF\r\n\x1a\n", "HDF5"),
         (b"\x89MCAP0\r\n", "MCAP"),

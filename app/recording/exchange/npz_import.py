@@ -47,20 +47,6 @@ _TOGETHER: Final = (
 """Optional arrays, to be given together row by row."""
 
 
-_FOREIGN: Final = {
-    b"\x93NUMPY": "a single NumPy array (.npy)",
-    b"PAR1": "an Apache Parquet file, as of a LeRobot dataset",
-    b"\x89HDF\r\n\x1a\n": "an HDF5 file",
-    b"\x89MCAP0\r\n": "an MCAP file: a recording of dipac needs no import, and one of ROS 2 has to be converted",
-    b"SQLite format 3\0": "an SQLite file, as of a ROS 2 bag",
-    b"#ROSBAG": "a ROS 1 bag",
-    b"ply": "a PLY file of one cloud",
-    b"\x80\x04": "a Python pickle, which could run anything if it were loaded",
-    b"\x80\x05": "a Python pickle, which could run anything if it were loaded",
-}
-"""First bytes of files that are taken for arrays, and what they are."""
-
-
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlainObservation:
@@ -161,7 +147,6 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise UsageError.unknown("file", str(path), map(str, path.parent.glob("*.npz")))
     known = {*_REQUIRED, *(name for names in _TOGETHER for name in names)}
-    _refuse_foreign(path)
     try:
         arrays = read_arrays(path)
     except (OSError, ValueError) as error:
@@ -172,18 +157,6 @@ def _load(path: Path) -> dict[str, np.ndarray]:
         if name not in known:
             raise UsageError.unknown("array", name, known)
     return arrays
-
-
-def _refuse_foreign(path: Path) -> None:
-    """Raises RecordingError that says what a file is that begins as no .npz does, and the way from there to arrays."""
-    with path.open("rb") as stream:
-        begin = stream.read(16)
-    for magic, kind in _FOREIGN.items():
-        if begin.startswith(magic):
-            raise RecordingError(
-                f"{path} is {kind}, not an .npz file; write its clouds, times and poses with numpy.savez as "
-                "docs/recording-format.md shows."
-            )
 
 
 def _parse(arrays: Mapping[str, np.ndarray]) -> Plain:

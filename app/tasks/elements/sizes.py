@@ -29,7 +29,7 @@ def resize(task: Task, sizes: Mapping[str, float]) -> Task:
     out of its range.
     """
     if task.sized is None:
-        raise UsageError(f"{task.name} has an object and a tool of its own; leave sizes in brackets and --object out.")
+        raise UsageError(f"{task.name} has an object and a tool of its own; leave --object out, and sizes in brackets.")
     for name, value in sizes.items():
         if name not in SIZES:
             raise UsageError.unknown("size", name, SIZES)
