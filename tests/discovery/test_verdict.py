@@ -58,14 +58,14 @@ def test_of_many_causes_that_cannot_be_told_apart_a_sentence_lists_the_likeliest
         sentences_of("set", [blame(name) for name in chosen], "", [], TORN.probabilities, 0.1, None)[0]
         for chosen in (names[:4], names)
     )
-    assert "stribeck or viscous film or friction map or draught." in few
+    assert "Stribeck friction or viscous film or friction map or draught." in few
     assert "stribeck or viscous film or friction map or one of 2 more." in many
 
 
 def test_where_something_may_well_be_missing_but_nothing_is_sure_the_sentence_says_so() -> None:
     unsure = sentences_of("none", (), "", [], {"stribeck": 0.3, "draught": 0.4}, 0.1, None)
     assert unsure[0].startswith("Nothing can be named: something is missing with a probability of 70%")
-    assert unsure[1] == "Likeliest are draught (40%) and stribeck (30%); a name takes 80%."
+    assert unsure[1] == "Likeliest are draught (40%) and Stribeck friction (30%); a name takes 80%."
     assert sentences_of("none", (), "", [], {"stribeck": 0.1}, 0.1, None)[0].startswith("Nothing is missing")
 
 

@@ -1,9 +1,8 @@
 """The model under test, and the catalogue of candidate causes of its error."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Literal, TypeAlias, final
 
 import numpy as np
@@ -266,10 +265,3 @@ def _numeric(name: str, about: str, low: float = 0.0, null_prior: NullPrior | No
         about=about,
         rod_null_prior=null_prior,
     )
-
-
-@cache
-def spellings() -> Mapping[str, str]:
-    """Parts of the names of effects and parameters that are names or compounds, as people write them."""
-    files = [*files_of(effects), *files_of(sensor_actuator_errors)]
-    return dict(spelling for _, module in files if (spelling := module.EFFECT.spelling) is not None)

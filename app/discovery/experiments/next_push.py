@@ -14,6 +14,7 @@ from jaxtyping import Float32, Float64
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Theta
+from app.discovery.dataset.names import effect_name
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
 from app.discovery.results.case import NextPush
@@ -60,8 +61,8 @@ def next_push(
         apart_mm=_MM * distance,
         before=last.points,
         ends=tuple(end for end in ends[:, best]),
-        text=f"{push_words(track, height_m, predictor.catalogue.origin_m)}: {_readable_name(names[first])} and "
-        f"{_readable_name(names[second])} leave the object {_MM * distance:.1f} mm apart.",
+        text=f"{push_words(track, height_m, predictor.catalogue.origin_m)}: {effect_name(names[first])} and "
+        f"{effect_name(names[second])} leave the object {_MM * distance:.1f} mm apart.",
     )
 
 
@@ -121,7 +122,3 @@ def push_words(track: Track, height_m: float, origin_m: tuple[float, float] = (0
         f"Push {_CM * length:.0f} cm at {length / duration:.2f} m/s from ({start[0]:.2f}, {start[1]:.2f}) m, "
         f"{heading:.0f} degrees from x"
     )
-
-
-def _readable_name(name: str) -> str:
-    return name.replace("_", " ")

@@ -19,6 +19,7 @@ from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
 from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
+from app.discovery.dataset.names import effect_name
 from app.discovery.dataset.study import Study
 from app.discovery.inference.calibration import calibration
 from app.discovery.inference.decide import NAMED
@@ -225,7 +226,7 @@ def stop_words(belief: Belief, stop: Stop) -> str:
 
 def rival_words(cause: str) -> str:
     """The name of a cause, of nothing or of a force of none of them, in plain words."""
-    return "a force of no known cause" if cause == FORMULA else cause.replace("_", " ")
+    return "a force of no known cause" if cause == FORMULA else effect_name(cause)
 
 
 def _one_way(steps: Sequence[Step]) -> list[Step]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
+from app.discovery.dataset.names import effect_name
 from app.discovery.inference.decide import NAMED, TEMPERATURE, ModelSelection
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
@@ -173,7 +174,7 @@ def sentences_of(
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
-    parts = " and ".join(f"{_readable_name(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
+    parts = " and ".join(f"{effect_name(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
     return (f"The model lacks {parts}.", gain_text, *more)
 
 
@@ -182,7 +183,7 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     likely, probability = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
     if not likely:
         return ("Nothing is missing that these recordings show.",)
-    said = f"{_readable_name(likely)[0].upper()}{_readable_name(likely)[1:]}"
+    said = f"{effect_name(likely)[0].upper()}{effect_name(likely)[1:]}"
     if probability > _LIKELIER:
         first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
         return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
@@ -199,13 +200,13 @@ def _leaders_text(probabilities: Mapping[str, float]) -> str:
     """The likeliest causes, down to half as likely as the first, with their probabilities."""
     ranked = sorted(probabilities.items(), key=lambda pair: -pair[1])
     leading = [pair for pair in ranked[:_LISTED] if pair[1] >= _BESIDE * ranked[0][1]]
-    said = " and ".join(f"{_readable_name(name)} ({share:.0%})" for name, share in leading)
+    said = " and ".join(f"{effect_name(name)} ({share:.0%})" for name, share in leading)
     return f"Likeliest {'are' if len(leading) > 1 else 'is'} {said}"
 
 
 def _one_of(causes: Sequence[CauseResult]) -> str:
     """The likeliest in words; how many more there are where they are many."""
-    names = [_readable_name(blame.effect) for blame in causes]
+    names = [effect_name(blame.effect) for blame in causes]
     few = names if len(names) <= _LISTED else names[: _LISTED - 1]
     more = [f"one of {len(names) - len(few)} more"] if len(few) < len(names) else []
     return " or ".join([*few, *more])
@@ -237,7 +238,3 @@ def _amount(value: float, unit: str) -> str:
     if unit in ("m", "s") and abs(value) < _SMALL:
         return f"{1e3 * value:.2g} m{unit}"
     return f"{value:.3g} {'' if unit == '1' else unit}".strip()
-
-
-def _readable_name(name: str) -> str:
-    return name.replace("_", " ")

@@ -5,12 +5,11 @@ as many digits as their interval supports.
 """
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Final, final
 
 from app.core.dialogue.words import NOTHING, sentence
-from app.discovery.dataset.model_under_test import spellings
+from app.discovery.dataset.names import effect_name
 
 _LISTED: Final = 4
 """Most effects listed in a sentence."""
@@ -46,14 +45,6 @@ _SMALL: Final = {
 }
 _SMALL_BELOW: Final = {"m": 0.2, "s": 1.0, "m/s": 0.1, "m/N": 1.0, "1/Pa": 1.0}
 _KILO_PASCALS_FROM: Final = 1e4
-
-
-def effect_name(effect: str) -> str:
-    """An effect's or parameter's id in words, spelt as its file says, as in `hand-eye translation`."""
-    words = effect
-    for part, spelling in spellings().items():
-        words = re.sub(rf"(^|_){part}(?=_|$)", rf"\g<1>{spelling}", words)
-    return words.replace("_", " ")
 
 
 def title(effect: str) -> str:

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import details, figure, paragraph, table
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
-from app.report.drawing.words import best, decimal, effect_name, interval, percent, title
+from app.report.drawing.words import best, decimal, interval, percent, title
 
 _FIRST = 8
 """Causes shown at once; the others on demand."""

@@ -3,11 +3,12 @@
 import math
 
 from app.core.dialogue.words import duration, sentence
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, Estimate
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import figure, paragraph, table
 from app.report.drawing.markup import Markup, concat, tag
-from app.report.drawing.words import best, decimal, display, effect_name, interval, title, with_symbol
+from app.report.drawing.words import best, decimal, display, interval, title, with_symbol
 
 _WIDTH, _ROW, _LABELS = 780.0, 24.0, 190.0
 

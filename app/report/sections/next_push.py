@@ -1,13 +1,14 @@
 """The most discriminating next push, drawn on the table."""
 
 from app.core.dialogue.words import duration
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, NextPush
 from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.lens import close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
-from app.report.drawing.words import best, decimal, effect_name
+from app.report.drawing.words import best, decimal
 
 _CLEAR = 2.0
 """Errors of the model by which two predictions differ clearly."""

@@ -2,11 +2,12 @@
 
 import math
 
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, Power
 from app.report.drawing.chart import Axis, arrow_path, label, line, svg
 from app.report.drawing.layout import details, figure, paragraph, table
 from app.report.drawing.markup import Markup, concat, tag
-from app.report.drawing.words import decimal, effect_name, of, quantity, title
+from app.report.drawing.words import decimal, of, quantity, title
 
 _ROW, _WIDTH, _LABELS, _NUMBERS = 26.0, 780.0, 220.0, 170.0
 _LOW, _HIGH = 0.1, 10.0

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, Limit, ResidualField
 from app.report import write_report
-from app.report.drawing.words import effect_name
 from app.report.page import SECTIONS, page
 from app.report.sections.advice import advice
 from app.report.sections.verdict import gain_sentence, headline

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case
 from app.report import show_case
-from app.report.drawing.words import effect_name
 from app.report.sections.verdict import headline
 from tests.ui.report.cases import CASES, a_set, named
 
