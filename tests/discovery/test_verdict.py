@@ -59,7 +59,7 @@ def test_of_many_causes_that_cannot_be_told_apart_a_sentence_lists_the_likeliest
         for chosen in (names[:4], names)
     )
     assert "Stribeck friction or viscous film or friction map or draught." in few
-    assert "stribeck or viscous film or friction map or one of 2 more." in many
+    assert "Stribeck friction or viscous film or friction map or one of 2 more." in many
 
 
 def test_where_something_may_well_be_missing_but_nothing_is_sure_the_sentence_says_so() -> None:
