@@ -12,11 +12,12 @@ from typing import Literal, TypeAlias, final
 import anyio
 import numpy as np
 
+from app.arm.approvals import UsedApprovals
 from app.arm.gate import begin
 from app.config import Site
 from app.core.dialogue.approval import Approved
 from app.core.dialogue.jog import Jog
-from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.errors import DeviceError, MotionRefused
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
@@ -107,6 +108,7 @@ class TickedArm:
 
     def __init__(self, site: Site) -> None:
         self.begun: list[MessageId] = []
+        self._approvals = UsedApprovals()
         self._stop_s = self._reset_s = 0.0
         self._heeding, self._told, self._jogged_s = False, list[Jog](), 0.0
         self._tool = pointing_down(np.array(HOME_TOOL_M))
@@ -132,12 +134,7 @@ class TickedArm:
         )
 
     async def execute(self, approved: Approved) -> Executed:
-        try:
-            dataclasses.replace(approved)
-        except ApprovalRefused as refusal:
-            raise MotionRefused(Refusal.NOT_APPROVED, str(refusal)) from None
-        if approved.id in self.begun:
-            raise MotionRefused(Refusal.USED, "This approval has been used; an approval is for one motion.")
+        self._approvals.use(approved)
         begin(self._control, approved.motion, approved.digest, self._site)
         self.begun.append(approved.id)
         try:

@@ -12,12 +12,11 @@ _ENCRYPTED = 0x1
 _FOREIGN: Final = {
     b"PAR1": "an Apache Parquet file, as of a LeRobot dataset",
     b"\x89HDF\r\n\x1a\n": "an HDF5 file",
-    b"\x89MCAP0\r\n": "an MCAP file: a recording of dipac needs no import, and one of ROS 2 has to be converted",
+    b"\x89MCAP0\r\n": "an MCAP file (a recording of dipac needs no import, one of ROS 2 has to be converted)",
     b"SQLite format 3\0": "an SQLite file, as of a ROS 2 bag",
     b"#ROSBAG": "a ROS 1 bag",
     b"ply": "a PLY file of one cloud",
-    b"\x80\x04": "a Python pickle, which could run anything if it were loaded",
-    b"\x80\x05": "a Python pickle, which could run anything if it were loaded",
+    b"\x80": "a Python pickle, which could run anything if it were loaded",
 }
 """First bytes of files that are taken for archives of arrays, and what they are."""
 

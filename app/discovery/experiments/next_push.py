@@ -96,8 +96,7 @@ def _rivals(ends: Float32[np.ndarray, "M N 3"], probabilities: Sequence[float]) 
     """The two that count most for the choice: probable, and far apart."""
 
     def weight(pair: tuple[int, int]) -> float:
-        i, j = pair
-        return probabilities[i] * probabilities[j] * _distance_m(ends[i], ends[j]) ** 2
+        return float(_apart(ends[list(pair), None], [probabilities[k] for k in pair])[0])
 
     return max(combinations(range(len(probabilities)), 2), key=weight)
 

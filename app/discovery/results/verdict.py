@@ -222,8 +222,8 @@ def _sentences_on_force(left: float, formula: Formula | None, gain_text: str) ->
 def _sizes_of(blame: CauseResult) -> str:
     """Each parameter in words with its value; its name if it has no description."""
     said = [(_meaning(it), _amount(it.value, it.unit)) for it in blame.estimates]
-    common, parts = {meaning.rpartition(", ")[0] for meaning, _ in said}, len(said) > 1
-    if parts and len(common) == 1 and (whole := common.pop()):  # Of a vector, the words before its axes once.
+    common = {meaning.rpartition(", ")[0] for meaning, _ in said}
+    if len(said) > 1 and len(common) == 1 and (whole := common.pop()):  # Of a vector, the words before its axes once.
         return f"{whole}: " + ", ".join(f"{meaning.rpartition(', ')[2]} {amount}" for meaning, amount in said)
     return "; ".join(f"{meaning}: {amount}" for meaning, amount in said)
 
