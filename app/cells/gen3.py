@@ -16,7 +16,7 @@ from app.config import Site
 from app.core.errors import UsageError
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.hand_eye import HandEye
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.recording.exchange.calibration_file import CalibrationFile, known_cameras

@@ -10,7 +10,7 @@ import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
-from app.core.geometry.scene_description import Finger
+from app.core.geometry.shapes.tools import Finger
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centre, reach_m
 from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.geometry.scene_description import Obstacle
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, MESH_M, RACK, flat, go, grasped, hand
 

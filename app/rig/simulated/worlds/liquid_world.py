@@ -15,7 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import SimulationError
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
+from app.core.geometry.scene_description import Liquid, Soup, Stage
+from app.core.geometry.shapes.fixtures import Bowl, Mat, Obstacle
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
