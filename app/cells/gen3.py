@@ -104,7 +104,7 @@ def _camera_mount(camera: CameraEntry, places: dict[str, HandEye], file: Path) -
             f"`dipac calibration solve FOLDER -o {file}`.\n"
         )
         return Mounted(name=camera.name, source=Live(serial=camera.serial))
-    return Mounted.calibrated(places[camera.serial], name=camera.name, settings=StreamSettings())
+    return Mounted.from_calibration(places[camera.serial], name=camera.name, settings=StreamSettings())
 
 
 def _arm_shape(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:

@@ -74,7 +74,7 @@ class ClothWorld:
         return pose
 
     @property
-    def held(self) -> Bool[np.ndarray, " K"]:
+    def held_nodes(self) -> Bool[np.ndarray, " K"]:
         """Mask of the nodes that the fingers hold."""
         return self._data.eq_active.astype(bool)
 

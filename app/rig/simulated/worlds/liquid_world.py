@@ -100,13 +100,13 @@ class LiquidWorld:
     def place(self, tool: ToolPose) -> None:
         """Move the bowl to `tool` with its content; no time passes."""
         x = self.nodes()
-        inside = self.held(x)
+        inside = self.is_held(x)
         before, after = (Rotation.from_quat(pose[3:7], scalar_first=True) for pose in (self._tool, tool))
         x[inside] = (after * before.inv()).apply(x[inside] - self._tool[:3]) + tool[:3]
         self._state = self._state._replace(x=jnp.asarray(x[None], jnp.float32))
         self._tool = np.array(tool, np.float64)
 
-    def held(self, x: Nodes) -> np.ndarray:
+    def is_held(self, x: Nodes) -> np.ndarray:
         """Mask of the points in the held bowl's ball."""
         return np.linalg.norm(x - self._tool[:3], axis=1) < self._held.radius_m + self._held.thickness_m
 
