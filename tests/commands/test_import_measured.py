@@ -306,7 +306,9 @@ def test_pushes_that_never_came_near_are_counted(tmp_path: Path) -> None:
     found = imported(tmp_path, measured_arrays(study, task.finger, about=said(task)))
     away = np.array([1.0, 0.0, 0.0])
     first = replace(
-        found.pushes[0], command=found.pushes[0].command.moved(found.pushes[0].command.positions + away), measured=None
+        found.pushes[0],
+        command=found.pushes[0].command.with_positions(found.pushes[0].command.positions + away),
+        measured=None,
     )
     some = replace(found, pushes=(first, *found.pushes[1:]))
     subject = subject_of(load(f"{found.task}@rods"), found.setup)
