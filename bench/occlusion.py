@@ -23,7 +23,9 @@ from app.core.errors import PerceptionError
 from app.core.geometry.arm_geometry import ArmShape, JointState, LinkCapsule
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.scene_description import Colour, Obstacle, Stage, Vector
+from app.core.geometry.scene_description import Stage
+from app.core.geometry.shapes.base import Colour, Vector
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import Cloud, Points

@@ -235,7 +235,7 @@ class Move(NamedTuple):
     def measured(self, rng: np.random.Generator) -> Track:
         """The encoders' track, with their noise."""
         told = self.told.at(self.command.times_s)
-        return self.command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
+        return self.command.with_positions(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
 def move_of(

@@ -119,7 +119,7 @@ def investigated(study: Study, subject: Subject) -> Investigated:
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
-    trials = trials.turned(screening.ends)
+    trials = trials.with_ends(screening.ends)
     decision = decide(predictor, trials, screening, lambda _: None)
     return Investigated(
         predictor=predictor,

@@ -54,7 +54,7 @@ def main() -> None:
 
 def _let_run() -> float:
     """Counting speed of another Python thread while this one waits for images in the SDK, over that while it sleeps."""
-    sdk = Sdk.loaded()
+    sdk = Sdk.load()
     camera = SoftwareCamera(sdk.rs, CameraDescription.like_d435(_MODEL, "1"))
     opening = Opening.of(sdk)
     opening.pipeline.set_device(camera.device)
@@ -152,7 +152,7 @@ async def _read(camera: RealSenseCamera, end_s: float, ages: list[float], held: 
     """`ages` of images since they were exposed, `held` since the SDK's pipeline handed them over, to be aligned."""
     while time.monotonic() < end_s:
         frame = await camera.read()
-        now_s, arrived = time.monotonic(), camera.arrived
+        now_s, arrived = time.monotonic(), camera.arrival
         ages.append(now_s - frame.time_s)
         if arrived is not None and arrived.time_s == frame.time_s:
             held.append(now_s - arrived.arrival_s)

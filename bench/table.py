@@ -5,7 +5,7 @@ from typing import final
 import numpy as np
 
 from app.config import Site
-from app.core.geometry.scene_description import Obstacle
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.messages import Executed, Transition, fresh_id
 from app.core.motion import Motion, pointing_down
 from app.core.types import Points

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from app.core.geometry.arm_geometry import JointState
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.scene_description import Obstacle
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.types import ToolPose
 from app.perception.reconstruct import PriorKnowledge, Reconstructed, reconstruct
 from app.rig.simulated.kinds import kind_of

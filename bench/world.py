@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.core.geometry.scene_description import Finger, Rope, Stage
+from app.core.geometry.scene_description import Rope, Stage
+from app.core.geometry.shapes.tools import Finger
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.rope_world import RopeWorld

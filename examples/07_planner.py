@@ -29,12 +29,12 @@ def evolve(
 
     def generation(best: Rollout, key: PRNGKeyArray) -> tuple[Rollout, Float[Array, " B"]]:
         trial = evaluate(best.actions + step * scale * jax.random.normal(key, actions.shape))
-        best = select(trial.judged < best.judged, trial, best)
+        best = select(trial.masked_cost < best.masked_cost, trial, best)
         return best, best.cost
 
     first = evaluate(actions)
     best, costs = jax.lax.scan(generation, first, jax.random.split(jax.random.key(0), steps))
-    return OptimizedRollouts.sampled(best, jnp.concatenate([first.cost[None], costs]))
+    return OptimizedRollouts.from_samples(best, jnp.concatenate([first.cost[None], costs]))
 
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> TreePlanner:

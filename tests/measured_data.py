@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.scene_description import Finger
+from app.core.geometry.shapes.tools import Finger
 from app.discovery.dataset.study import Study
 from app.policy.random_pushes import PushDesign
 from app.tasks.elements.base import Task

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,29 @@ NAMES_EFFECTS = {
 }
 """Modules that name effects with a reason, whatever other effects there are: three are what the direct checks measure,
 and calibration estimates the offset of the tool."""
+SHAPES = "app.core.geometry.shapes"
+MATCHES_SHAPES = {
+    "app/rig/simulated/cameras/appearance.py": {
+        "Bowl",
+        "Finger",
+        "Gripper",
+        "HeldBowl",
+        "Mat",
+        "Obstacle",
+        "Paddle",
+        "Rack",
+    },
+    "app/rig/simulated/kinds/beans.py": {"Paddle"},
+    "app/rig/simulated/kinds/cloth.py": {"Gripper"},
+    "app/rig/simulated/kinds/liquid.py": {"HeldBowl"},
+    "app/rig/simulated/kinds/rope.py": {"Finger", "Obstacle"},
+    "app/rig/simulated/worlds/cloth_world.py": {"Rack"},
+    "app/rig/simulated/worlds/liquid_world.py": {"Bowl", "HeldBowl", "Mat", "Obstacle"},
+    "app/tasks/elements/base.py": {"Finger"},
+    "bench/table.py": {"Obstacle"},
+}
+"""Modules that ask for the type of a tool or fixture: they build simulated worlds or pictures of it, and a task says
+which of its tools is a finger. The list gets shorter alone: geometry is a method of the shape."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -139,6 +163,35 @@ def test_an_effect_is_named_in_its_own_files_alone(file):
         alias.name for node in imports for alias in node.names
     }
     assert (strings | modules) & effects == NAMES_EFFECTS.get(name(file), set()), "say it in the effect's own file"
+
+
+def asked_types(module: ast.Module) -> Iterator[ast.expr]:
+    """Expressions that stand where code asks for a type: patterns, `isinstance`, comparisons and keys of tables."""
+    for node in ast.walk(module):
+        if isinstance(node, ast.MatchClass):
+            yield node.cls
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id in {"isinstance", "issubclass"}:
+                yield node.args[1]
+        elif isinstance(node, ast.Compare):
+            yield from node.comparators
+        elif isinstance(node, ast.Dict):
+            yield from (key for key in node.keys if key)
+
+
+@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *EXAMPLES], ids=name)
+def test_the_type_of_a_tool_or_fixture_is_asked_by_builders_alone(file):
+    module = tree(file)
+    imports = [node for node in ast.walk(module) if isinstance(node, ast.ImportFrom)]
+    shapes = {
+        alias.asname or alias.name: alias.name
+        for node in imports
+        if node.module and node.module.startswith(SHAPES)
+        for alias in node.names
+    }
+    names = {node.id for asked in asked_types(module) for node in ast.walk(asked) if isinstance(node, ast.Name)}
+    asked = {shapes[each] for each in names & shapes.keys()}
+    assert asked == MATCHES_SHAPES.get(name(file), set()), "make it a method of the shape, and ask the object"
 
 
 @pytest.mark.parametrize("file", COMMANDS, ids=name)

@@ -116,7 +116,7 @@ class ProcessArm:
             self._memory.jogs.append(linear=jog.linear, angular=jog.angular, opening=jog.opening)
         return True
 
-    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
+    async def accept_jogs(self, over: anyio.Event | None = None) -> Executed | None:
         """Accept jogs until one has ended, or until `over`; None where nothing was moved by then.
 
         Cancelled, the arm's process brings the tool to rest. Raises MotionRefused while a stop is in force or the arm

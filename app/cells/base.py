@@ -12,7 +12,8 @@ from jaxtyping import Float64
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.geometry.arm_geometry import ArmShape
-from app.core.geometry.scene_description import Stage, Tool
+from app.core.geometry.scene_description import Stage
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Arm, Camera, Posed, Rig

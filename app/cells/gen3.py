@@ -16,7 +16,7 @@ from app.config import Site
 from app.core.errors import UsageError
 from app.core.geometry.arm_geometry import ArmShape
 from app.core.geometry.hand_eye import HandEye
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.recording.exchange.calibration_file import CalibrationFile, known_cameras
@@ -104,7 +104,7 @@ def _camera_mount(camera: CameraEntry, places: dict[str, HandEye], file: Path) -
             f"`dipac calibration solve FOLDER -o {file}`.\n"
         )
         return Mounted(name=camera.name, source=Live(serial=camera.serial))
-    return Mounted.calibrated(places[camera.serial], name=camera.name, settings=StreamSettings())
+    return Mounted.from_calibration(places[camera.serial], name=camera.name, settings=StreamSettings())
 
 
 def _arm_shape(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:

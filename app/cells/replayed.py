@@ -17,7 +17,7 @@ from app.cells.base import Cell, OpenedRig, Wanted
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.arm_geometry import ArmShape
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import ArmState, Episode
 from app.recording.read.film import Film, film_states, read_film

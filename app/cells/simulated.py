@@ -5,7 +5,7 @@ from typing import Final
 
 from app.cells.base import Cell, Wanted, as_it_is
 from app.core.geometry.arm_geometry import ArmShape
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Rig

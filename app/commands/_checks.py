@@ -143,7 +143,7 @@ def census() -> ProbeResult:
     """Census of the RealSense cameras on the bus, as `app.rig.realsense.sdk.device_enumeration.census` returns it."""
     return _probe(
         "from app.rig.realsense.sdk.device_enumeration import census\n"
-        "from app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.loaded()))"
+        "from app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.load()))"
     )
 
 

@@ -179,7 +179,7 @@ class _Found:
         return length, radius, mass
 
     def tool(self) -> tuple[SourcedSize, ...]:
-        """Radius, half width and yaw of the tool, as `core.geometry.stage.Finger` has them."""
+        """Radius, half width and yaw of the tool, as `shapes.tools.Finger` has them."""
         radius, half, yaw = self._said_tool()
         views, of = _tool_views(self.plain), self.plain.about.get("tool", {})
         shape = of.get("shape") if isinstance(of, Mapping) else None

@@ -149,7 +149,7 @@ class ProbedCell:
             return None
         shift = at.positions[0] - motion.positions[0]
         late_s = seen.time_s + 0.5 - float(track.times_s[0])
-        moved = replace(track, times_s=track.times_s + late_s).moved(track.positions + shift)
+        moved = replace(track, times_s=track.times_s + late_s).with_positions(track.positions + shift)
         return moved if refusal(probe_motion(self._task, moved, self._site), self._site) == "" else None
 
     def _view(self, particles: Particles) -> ProjectionView:

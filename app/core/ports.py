@@ -125,7 +125,7 @@ class Arm(Protocol):
         """
         ...
 
-    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
+    async def accept_jogs(self, over: anyio.Event | None = None) -> Executed | None:
         """Accept jogging and wait until it has ended: from the first jog to rest, and rest kept.
 
         It was not approved, so `approved_id` is an id of its own kind. A jog that lasts too long is ended, and `reason`

@@ -136,7 +136,7 @@ def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None 
         about = refit(predictor, trials) if about is None else about
     with stages.stage("screening of every cause"):
         screening = screen(predictor, trials, about)
-        trials = trials.turned(screening.ends)
+        trials = trials.with_ends(screening.ends)
         limits = (*limits, *model_limits(trials, screening.data))
     with stages.stage("decision"):
         decision = decide(predictor, trials, screening, stages.said)

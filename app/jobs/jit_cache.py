@@ -103,7 +103,7 @@ def states_at_rest(task: str) -> Begin:
         return jax.jit(begin)
 
     def along(x: Float32[np.ndarray, "B N 3"]) -> RodState:
-        return begin.moved(x, begin.places(x))
+        return begin.state_at(x, begin.places(x))
 
     return along
 

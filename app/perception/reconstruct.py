@@ -113,7 +113,7 @@ class PriorKnowledge:
     memory: Memory = NOTHING
     way: ToolPath = field(default_factory=lambda: np.zeros((0, 8)))
 
-    def remembered(self, how: "Reconstruction") -> Memory:
+    def current_memory(self, how: "Reconstruction") -> Memory:
         """The memory, with the parts that the tool has pushed since moved ahead of it."""
         if self.arm is None:
             return self.memory
@@ -154,7 +154,7 @@ def reconstruct(
     known = known or PriorKnowledge()
     views, *swimming = _views(frames, how, known)
     now_s = max((frame.time_s for frame in frames), default=0.0)
-    past = recall(known.remembered(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
+    past = recall(known.current_memory(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
     if views and not any(view.frame.depth.any() for view in views):
         carved = _carve(views, how, past.kept)
         seen, tops = _enough(carved.surface, views, how), _NONE
@@ -203,7 +203,7 @@ def _body(surface: Cloud, how: Reconstruction, tool: ToolPose | None) -> Some:
     solids = [_under(rest, how)] if len(rest) >= _FEWEST or not how.standing else []
     if how.held is not None and tool is not None:
         hidden_m3 = how.volume_m3 - sum(body.volume_m3 for body in (*pools, *solids))
-        pools += [how.held.at(tool).filled(hidden_m3)] if hidden_m3 > _LEAST_HIDDEN * how.volume_m3 else []
+        pools += [how.held.at(tool).pool(hidden_m3)] if hidden_m3 > _LEAST_HIDDEN * how.volume_m3 else []
     point_count = max(_BODY_POINTS, _POINTS_A_PARTICLE * how.particle_count)
     spacing_m = (sum(body.volume_m3 for body in (*pools, *solids)) / point_count) ** (1 / 3)
     clouds = [pool.points(spacing_m) for pool in pools] + [points_inside(solid, spacing_m) for solid in solids]

@@ -112,7 +112,7 @@ class Symmetry:
         turned = Isometry(jnp.ones(count), -0.5 * jnp.arctan2(2 * xy, xx - yy), jnp.zeros((count, 2)))
         return turned._replace(shift=about - turned.directions(middle))
 
-    def drawn(self, rng: np.random.Generator, count: int) -> Isometry:
+    def draw(self, rng: np.random.Generator, count: int) -> Isometry:
         """Random isometries, uniform; for a task with a frame, those near it."""
         if self.turns:
             angle = rng.choice([0.0, pi], count) + rng.uniform(-_ABOUT_RAD, _ABOUT_RAD, count)

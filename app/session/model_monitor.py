@@ -71,7 +71,7 @@ class Watching:
             error_m=seen.error_m,
             moved_m=seen.moved_m,
             promised_m=seen.promised_m,
-            suspicions=tuple(f"{it.kin}: {it.text}" for it in suspect(watch.doubted)),
+            suspicions=tuple(f"{it.kin}: {it.text}" for it in suspect(watch.pushes_in_doubt)),
             advice=f"dipac discover {self._recording} -o discovery" if self._recording else "",
         )
 

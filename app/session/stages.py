@@ -150,7 +150,7 @@ class SessionStages:
             return
         parts.reporting.do("waiting to be moved by hand")
         try:
-            executed = await parts.rig.arm.jogged(self._store.mode_over)
+            executed = await parts.rig.arm.accept_jogs(self._store.mode_over)
         except MotionRefused as refusal:
             self._store.dispatch(HandRefusal(str(refusal)))
             return

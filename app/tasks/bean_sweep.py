@@ -4,7 +4,9 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Beans, Mat, Paddle, Stage
+from app.core.geometry.scene_description import Beans, Stage
+from app.core.geometry.shapes.fixtures import Mat
+from app.core.geometry.shapes.tools import Paddle
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.sweep_actions import Sweeps
 from app.planner.search.cost import Weights

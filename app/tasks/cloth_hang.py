@@ -4,7 +4,9 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Cloth, Gripper, Rack, Stage
+from app.core.geometry.scene_description import Cloth, Stage
+from app.core.geometry.shapes.fixtures import Rack
+from app.core.geometry.shapes.tools import Gripper
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.carry_actions import Carries, KeptClear

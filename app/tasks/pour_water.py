@@ -7,7 +7,9 @@ for half a second, and then waits for what flows. So an episode has about ten de
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Stage
+from app.core.geometry.scene_description import Liquid, Stage
+from app.core.geometry.shapes.fixtures import Bowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.perception.body.vessels import Vessel
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction

@@ -5,7 +5,8 @@ from math import ceil, pi, sqrt
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Finger, Rope, Stage
+from app.core.geometry.scene_description import Rope, Stage
+from app.core.geometry.shapes.tools import Finger
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.actions import Pushes
 from app.planner.search.cost import Weights

@@ -119,7 +119,7 @@ class Application:
         let_go = threading.Event()
         threading.Thread(target=self._holds, args=(let_go,), daemon=True).start()
         try:
-            await self._arm.jogged()
+            await self._arm.accept_jogs()
         finally:
             let_go.set()
 

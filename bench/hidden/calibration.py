@@ -116,7 +116,7 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
-    trials = trials.turned(screening.ends)
+    trials = trials.with_ends(screening.ends)
     causes, table = features(screening)
     probabilities, _ = calibration().probabilities(screening)
     likeliest = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])[:refits]

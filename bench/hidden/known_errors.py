@@ -88,7 +88,7 @@ def _told(push: Push, effect: Apparatus, undo: Undo, values: Values) -> Push:
 
 def _beside(track: Track, values: Values) -> Track:
     turned = Rotation.from_quat(track.poses[:, 3:], scalar_first=True).apply(values)
-    return track.moved(track.positions - turned)
+    return track.with_positions(track.positions - turned)
 
 
 def _earlier(track: Track, values: Values) -> Track:
@@ -99,7 +99,7 @@ def _farther(track: Track, values: Values) -> Track:
     low = track.poses[:, 2] <= track.poses[:, 2].min() + _LOW_M
     start, positions = track.positions[low][0, :2], track.positions.copy()
     positions[:, :2] = start + (positions[:, :2] - start) / (1 - values[0])
-    return track.moved(positions)
+    return track.with_positions(positions)
 
 
 def _leading(track: Track, values: Values) -> Track:
@@ -110,7 +110,7 @@ def _leading(track: Track, values: Values) -> Track:
         for k, side in enumerate(sides):
             last = side or last
             positions[k, axis] += last * values[0] / 2
-    return track.moved(positions)
+    return track.with_positions(positions)
 
 
 UNDONE: Final[Mapping[str, Undo]] = MappingProxyType(

@@ -40,7 +40,7 @@ def errors_mm(recordings: Sequence[Path], causes: Sequence[str], dynamics: Dynam
     subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
     predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials), only=causes)
-    trials = trials.turned(screening.ends)
+    trials = trials.with_ends(screening.ends)
     suspects = [suspect for suspect in screening.suspects if suspect.cause in causes]
     starts = [(suspect.cause, start_of(predictor.catalogue, screening.about, suspect)) for suspect in suspects]
     gain = measure_gain(predictor, trials, screening, refine(predictor, trials, screening, starts)).gain

@@ -227,7 +227,7 @@ async def test_the_arm_of_the_flows_tests_is_moved_by_hand_as_well() -> None:
     arm, stretches = TickedArm(Site()), []
 
     async def wait() -> None:
-        stretches.append(await arm.jogged())
+        stretches.append(await arm.accept_jogs())
 
     assert not arm.jog(along(y=0.1))
     for then in (lambda: None, arm.stop):
@@ -244,4 +244,4 @@ async def test_the_arm_of_the_flows_tests_is_moved_by_hand_as_well() -> None:
     ]
     assert 0.02 < arm.tool()[1] < 0.1
     with pytest.raises(MotionRefused):
-        await arm.jogged()
+        await arm.accept_jogs()

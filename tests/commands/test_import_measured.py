@@ -10,7 +10,7 @@ import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
-from app.core.geometry.scene_description import Finger
+from app.core.geometry.shapes.tools import Finger
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centre, reach_m
 from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
@@ -306,7 +306,9 @@ def test_pushes_that_never_came_near_are_counted(tmp_path: Path) -> None:
     found = imported(tmp_path, measured_arrays(study, task.finger, about=said(task)))
     away = np.array([1.0, 0.0, 0.0])
     first = replace(
-        found.pushes[0], command=found.pushes[0].command.moved(found.pushes[0].command.positions + away), measured=None
+        found.pushes[0],
+        command=found.pushes[0].command.with_positions(found.pushes[0].command.positions + away),
+        measured=None,
     )
     some = replace(found, pushes=(first, *found.pushes[1:]))
     subject = subject_of(load(f"{found.task}@rods"), found.setup)

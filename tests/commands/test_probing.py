@@ -102,7 +102,7 @@ def test_pushes_that_were_asked_for_come_first_and_one_that_cannot_be_made_is_le
 ) -> None:
     there = np.array([[0.45, -0.1, 0.0], [0.55, 0.1, 0.0]], np.float32)
     fits = track_for(np.linspace(*there, 50).astype(np.float32), 0.0, 1)
-    outside = fits.moved(1.0 + 100.0 * (fits.positions - fits.positions[0]))
+    outside = fits.with_positions(1.0 + 100.0 * (fits.positions - fits.positions[0]))
     probed, texts = cell(tmp_path / "out", [True, True], outside, fits)
     probed.play(held, 2)
     assert texts == ["A push that you asked for", "Push 1"]

@@ -298,7 +298,7 @@ async def by_hand(arm: Arm, *acts: Callable[[], Awaitable[object]]) -> Executed:
     result: list[Executed] = []
 
     async def wait() -> None:
-        result.append(await arm.jogged())
+        result.append(await arm.accept_jogs())
 
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(wait)
@@ -337,7 +337,7 @@ async def test_nothing_moves_where_nobody_waits_for_the_hand(arm: Arm) -> None:
     assert np.array_equal(arm.tool(), before) or np.allclose(arm.tool(), before, atol=1e-9)
     # What was said before somebody waited does not count afterwards either.
     with anyio.move_on_after(0.3):
-        await arm.jogged()
+        await arm.accept_jogs()
     assert np.allclose(arm.tool(), before, atol=1e-6)
 
 
@@ -389,7 +389,7 @@ async def test_stop_ends_what_a_hand_does_and_holds_until_reset(arm: Arm) -> Non
     assert executed.outcome == "stopped"
     assert "STOP" in executed.reason
     with pytest.raises(MotionRefused, match="stop"):
-        await arm.jogged()
+        await arm.accept_jogs()
     assert not arm.jog(along_y(0.1))
 
 
@@ -405,7 +405,7 @@ async def test_a_hand_that_nobody_waits_for_any_more_loses_the_tool_which_comes_
     toward = 0.2 if arm.tool()[1] < 0 else -0.2
     with anyio.move_on_after(0.5):
         async with anyio.create_task_group() as tasks:
-            tasks.start_soon(arm.jogged)
+            tasks.start_soon(arm.accept_jogs)
             await anyio.sleep(0.05)
             await held(arm, along_y(toward), 5.0)
     assert not any(await held(arm, along_y(toward), 0.5))

@@ -88,7 +88,7 @@ def test_the_push_from_which_on_the_model_is_wrong_is_found_within_a_few() -> No
         watch = watched(np.concatenate([rng.uniform(1, 2, 20), rng.uniform(5, 6, 30)]))
         assert watch.state == "wrong"
         since.append(watch.since)
-        assert len(watch.doubted) == watch.alarmed - watch.since + 1
+        assert len(watch.pushes_in_doubt) == watch.alarmed - watch.since + 1
     assert np.quantile(np.abs(np.array(since) - 21), 0.9) <= 2
 
 

@@ -46,8 +46,8 @@ def test_a_smooth_displacement_is_found_between_clouds_of_other_points(size_m: f
 def test_a_displacement_of_the_same_points_is_projected_exactly() -> None:
     cloud, place = rope(N, 0)
     basis, true = Basis.along(cloud, place), 0.003 * np.random.default_rng(1).normal(size=2 * MODES)
-    np.testing.assert_allclose(basis.projected(basis.field(true)), true, atol=1e-12)
-    both = basis.projected(np.stack([basis.field(true), 2 * basis.field(true)]))
+    np.testing.assert_allclose(basis.project(basis.field(true)), true, atol=1e-12)
+    both = basis.project(np.stack([basis.field(true), 2 * basis.field(true)]))
     np.testing.assert_allclose(both, np.stack([true, 2 * true]), atol=1e-12)
 
 

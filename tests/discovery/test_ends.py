@@ -72,7 +72,7 @@ def test_pushes_of_a_rope_that_is_called_the_other_way_round_are_the_same_pushes
     ]
     odd_columns = {column for cause in predictor.catalogue.causes for column in cause.odd}
     odd, ends = [n for n, step in enumerate(steps) if step.column in odd_columns], {0: -1.0, 1: 1.0}
-    first, again = (residuals(predictor, each, about, steps, starts=2) for each in (trials, trials.turned(ends)))
+    first, again = (residuals(predictor, each, about, steps, starts=2) for each in (trials, trials.with_ends(ends)))
     expected = turn_rows(first, ends, odd)
     assert 0 < len(odd) < len(steps)
     assert np.abs(first.r - again.r).max() > 1e-3  # It asks something.

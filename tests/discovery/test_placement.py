@@ -27,7 +27,7 @@ def elsewhere() -> Study:
         return replace(it, points=(it.points + shift).astype(np.float32))
 
     def push(it: Push) -> Push:
-        track = it.command.moved(it.command.positions + shift)
+        track = it.command.with_positions(it.command.positions + shift)
         return replace(it, before=view(it.before), during=(), after=view(it.after), command=track, measured=track)
 
     return each(push)

@@ -69,7 +69,7 @@ def test_residuals_of_rods_are_means_over_beginnings_that_are_the_same_for_every
     nominal = KNOWN.nominal(SUBJECT)
     found = residuals(predictor(), trials(), nominal, [], replicas=2)
     assert found.spread.shape[2] == STARTS
-    starts = [trials(), *(trials().disturbed(seed) for seed in range(STARTS - 1))]
+    starts = [trials(), *(trials().with_noise(seed) for seed in range(STARTS - 1))]
     ends = np.mean([predictor()(start, [nominal]).after[0] for start in starts], axis=0)
     basis = Basis.along(ends[0].astype(np.float32), trials().labels[0, :, 0])
     expected = register(ends[0].astype(np.float32), trials().observed.after[0], basis)

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
 from app.core.geometry.arm_geometry import ArmShape, JointState, LinkCapsule
-from app.core.geometry.scene_description import HeldBowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.messages import Frame
 from app.perception.cloud.depth import project
 from app.perception.cloud.hull import VOXEL_M

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.scene_description import Gripper, Tool
+from app.core.geometry.shapes.tools import Gripper, Tool
 from app.core.motion import TOOL_DOWN
 from app.perception.body.occluded_motion import carry_along
 from app.tasks.bean_sweep import PADDLE

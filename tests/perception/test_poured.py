@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.scene_description import Bowl
+from app.core.geometry.shapes.fixtures import Bowl
 from app.core.motion import pointing_down
 from app.core.types import Points
 from app.perception.body.resample import resample

@@ -7,7 +7,8 @@ import pytest
 
 from app.core.geometry.arm_geometry import JointState
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.scene_description import Finger, Paddle, Stage
+from app.core.geometry.scene_description import Stage
+from app.core.geometry.shapes.tools import Finger, Paddle
 from app.core.motion import TOOL_DOWN
 from app.perception.cloud.robot_mask import pieces, shadow
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras

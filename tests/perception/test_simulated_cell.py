@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Finger, Rope, Stage
+from app.core.geometry.scene_description import Rope, Stage
+from app.core.geometry.shapes.tools import Finger
 from app.core.messages import Frame, fresh_id
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import table_cameras

@@ -26,12 +26,12 @@ def test_a_bowl_on_a_tool_that_points_down_is_upright() -> None:
 @pytest.mark.parametrize("volume_m3", [2e-5, 1.2e-4, 3e-4])
 def test_a_volume_stands_in_an_upright_bowl_as_high_as_in_a_cap(volume_m3: float) -> None:
     level = BOWL.place_m[2] - BOWL.radius_m + cap_depth_m(volume_m3, BOWL.radius_m)
-    assert BOWL.filled(volume_m3).level_m == pytest.approx(level, abs=0.0015)
+    assert BOWL.pool(volume_m3).level_m == pytest.approx(level, abs=0.0015)
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.4, 0.8])
 def test_what_is_filled_in_has_its_volume_and_is_inside(angle_rad: float) -> None:
-    pool = tilted(angle_rad).filled(6e-5)
+    pool = tilted(angle_rad).pool(6e-5)
     assert pool.volume_m3 == pytest.approx(6e-5, rel=0.06)
     points = pool.points(0.003)
     assert pool.vessel.holds(points, margin_m=0.0).all()
@@ -39,7 +39,7 @@ def test_what_is_filled_in_has_its_volume_and_is_inside(angle_rad: float) -> Non
 
 
 def test_no_more_than_a_bowl_holds_is_filled_in() -> None:
-    assert BOWL.filled(1e-3).volume_m3 == pytest.approx(2 / 3 * np.pi * 0.055**3, rel=0.03)
+    assert BOWL.pool(1e-3).volume_m3 == pytest.approx(2 / 3 * np.pi * 0.055**3, rel=0.03)
 
 
 def test_what_falls_splashes_or_clings_to_the_wall_does_not_raise_the_level() -> None:

@@ -14,7 +14,7 @@ from app.policy.base import PARKED_POSE
 from tests.planner.table import SPACE, now, rope, tool
 
 ROPE = rope()
-project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
+project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.is_allowed)
 SEEDS = st.integers(0, 2**31 - 1)
 
 
@@ -68,7 +68,7 @@ def test_a_flat_finger_comes_down_beside_the_rope_with_all_of_its_width(seed: in
         core = starts[:, None] + np.linspace(-1, 1, 31)[:, None] * np.array(half_m)
         near = np.linalg.norm(core[:, :, None] - ROPE[None, None, :, :2], axis=-1).min((1, 2))
         assert near.min() >= SPACE.clearance_m - 4e-4
-    assert np.all(space.allowed(jnp.asarray(drawn), now(ROPE, 8)))
+    assert np.all(space.is_allowed(jnp.asarray(drawn), now(ROPE, 8)))
 
 
 def test_a_start_from_which_a_flat_finger_reaches_onto_the_rope_is_not_allowed() -> None:
@@ -80,7 +80,7 @@ def test_a_start_from_which_a_flat_finger_reaches_onto_the_rope_is_not_allowed()
     assert len(clear) > 0
     for one in clear:
         flat = replace(SPACE, core_m=(0.01 * ahead[one, 0], 0.01 * ahead[one, 1]))
-        assert not flat.allowed(actions[one][None], now(ROPE, 1))[0]
+        assert not flat.is_allowed(actions[one][None], now(ROPE, 1))[0]
 
 
 def test_a_start_on_top_of_the_rope_is_not_allowed() -> None:

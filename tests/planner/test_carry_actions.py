@@ -24,7 +24,7 @@ SPACE = Carries(
     rest_substeps=40,
 )
 CLOTH = np.random.default_rng(0).uniform([0.45, -0.30, 0.0], [0.65, -0.05, 0.004], (50, 3)).astype(np.float32)
-project, allowed, tool_path, after = map(jax.jit, (SPACE.project, SPACE.allowed, SPACE.tool_path, SPACE.after))
+project, allowed, tool_path, after = map(jax.jit, (SPACE.project, SPACE.is_allowed, SPACE.tool_path, SPACE.after))
 SEEDS = st.integers(0, 2**31 - 1)
 
 

@@ -16,7 +16,7 @@ from app.tasks import load
 SPACE = load("pour_water").actions
 LOW, HIGH = np.array(SPACE.low), np.array(SPACE.high)
 SEEDS = st.integers(0, 2**31 - 1)
-project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
+project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.is_allowed)
 
 
 def tool(rng: np.random.Generator) -> np.ndarray:

@@ -25,7 +25,7 @@ X = TASK.particles(TASK.start(0), 200)
 NOW = PlanningState.at_rest(jnp.repeat(jnp.asarray(X)[None], 16, axis=0))
 ONE = PlanningState.at_rest(jnp.asarray(X)[None])
 NOWHERE = jnp.asarray(PARKED_POSE, jnp.float32)[None]
-project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
+project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.is_allowed)
 SEEDS = st.integers(0, 2**31 - 1)
 
 
@@ -175,4 +175,4 @@ def test_where_beans_lie_everywhere_no_sweep_is_allowed() -> None:
     crowd = PlanningState.at_rest(
         jnp.asarray(np.concatenate([side, np.full((3600, 1), 0.005)], axis=1), jnp.float32)[None]
     )
-    assert not tiny.allowed(tiny.project(wild(0, 1), crowd), crowd)[0]
+    assert not tiny.is_allowed(tiny.project(wild(0, 1), crowd), crowd)[0]

@@ -94,13 +94,13 @@ def test_the_file_of_a_policy_acts_as_it_does_and_no_candidate_heeds_those_besid
 def test_the_slope_through_frame_and_simulator_is_that_of_the_loss(one: Examples) -> None:
     learner, how = Imitation(told=0.0, steepest=np.inf), HOW
     batch = Batch.of(one, np.array([0]), learner.window)
-    shown = batch.shown(how)
+    shown = batch.observe(how)
     scale = scale_of(how, one, 0)
     params = dict(begin(learner, how, one, TrainingSettings()).params)
     last = dict(params["Dense_0"])
     name = sorted(layer for layer in last if layer.startswith("Dense"))[-1]
     # As the first push was shown, in its frame, a little beside: there the finger moves the rope.
-    framed = batch.framed(how)
+    framed = batch.to_frame(how)
     assert abs(float(how.symmetry.frame(batch.goal, batch.x).angle[0])) > 0.1
     told = scale.to(framed.actions).reshape(-1) + 0.03
 
@@ -117,7 +117,7 @@ def test_the_slope_through_frame_and_simulator_is_that_of_the_loss(one: Examples
 
 def test_a_rollout_that_ends_in_no_numbers_counts_as_one_that_moved_nothing(one: Examples) -> None:
     learner, shown = Imitation(told=0.0), Batch.of(one, np.array([0, 1]), Imitation().window)
-    scale, seen = scale_of(COARSE, one, 0), shown.shown(COARSE)
+    scale, seen = scale_of(COARSE, one, 0), shown.observe(COARSE)
     params = begin(learner, COARSE, one, TrainingSettings()).params
 
     @jax.jit

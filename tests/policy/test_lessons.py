@@ -55,10 +55,10 @@ def test_every_kind_can_be_taught_and_acts_in_every_task_or_says_why_not(name: s
     task, learner, shown = load(name), kinds.load(kind), examples_of(name)
     how = lessons(task, simulator(task, nominal_model(name), COUNT))
     scale = Scale(*np.ones((2, *task.actions.chunk), np.float32))
-    batch = Batch.of(shown, np.array([0, 3]), learner.window).framed(how)
+    batch = Batch.of(shown, np.array([0, 3]), learner.window).to_frame(how)
 
     def whole(key: jax.Array) -> tuple[jax.Array, jax.Array]:
-        seen = batch.shown(how)
+        seen = batch.observe(how)
         params = learner.begin(key, seen.seen, how)
         policy = LearnedPolicy(learner=learner, how=how, params={}, scale=scale, digest="")
         prepared = policy.prepare(shown.x[0], shown.goal[0])._replace(params=params)
@@ -131,7 +131,7 @@ def test_what_brought_the_object_nowhere_teaches_where_it_led_and_the_rest_its_g
 def test_nothing_is_asked_of_what_followed_where_the_goal_in_hindsight_was_reached() -> None:
     shown, chosen = examples_of("rope_push", episodes=2, actions=3), np.arange(6)
     numbered = shown._replace(after=np.arange(6, dtype=np.float32)[:, None, None] + np.zeros_like(shown.x))
-    drawn = Batch.drawn(numbered, chosen, np.ones(6), 3, np.random.default_rng(4))
+    drawn = Batch.draw(numbered, chosen, np.ones(6), 3, np.random.default_rng(4))
     reached = np.asarray(drawn.goal[:, 0, 0])
     asked = np.asarray(drawn.counts)
     followed = np.arange(6)[:, None] + np.arange(3)
@@ -204,7 +204,7 @@ def test_a_policy_does_alike_what_is_turned_on_the_table(name: str) -> None:
     there = PlanningState(here.state._replace(x=by.places(here.x)), by.poses(here.tool))
     goal = np.asarray(by.places(jnp.asarray(shown.goal)))[0]
     act = jax.jit(policy.act)
-    wanted = task.actions.moved(act(policy.prepare(shown.x[0], shown.goal[0]), here).mean, by)
+    wanted = task.actions.transform(act(policy.prepare(shown.x[0], shown.goal[0]), here).mean, by)
     found = act(policy.prepare(np.asarray(there.x[0]), goal), there).mean
     assert abs(float(turned.angle[0])) > 0.1
     np.testing.assert_allclose(found, wanted, atol=2e-3)

@@ -82,4 +82,4 @@ def test_candidates_do_not_see_each_other() -> None:
 def test_what_it_proposes_for_a_spill_may_be_made_after_projection(seed: int) -> None:
     x = TASK.particles(TASK.start(seed), 300)
     now = PlanningState.at_rest(jnp.asarray(x)[None])
-    assert TASK.actions.allowed(TASK.actions.project(jnp.asarray(stroke(x))[None], now), now)[0]
+    assert TASK.actions.is_allowed(TASK.actions.project(jnp.asarray(stroke(x))[None], now), now)[0]

@@ -16,7 +16,7 @@ COUNT = 12
 
 
 def drawn(seed: int, symmetry: Symmetry) -> Isometry:
-    return symmetry.drawn(np.random.default_rng(seed), COUNT)
+    return symmetry.draw(np.random.default_rng(seed), COUNT)
 
 
 QUARTERS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
@@ -55,7 +55,7 @@ def test_a_moved_action_moves_the_tool_along_the_moved_way(name: str) -> None:
     actions = jnp.asarray(task.actions.sample(rng, x, np.asarray(tool[0], np.float64), COUNT))
     tool_path = program(task.actions.tool_path)
     way = tool_path(actions, tool)
-    moved = tool_path(program(task.actions.moved)(actions, by), by.poses(tool))
+    moved = tool_path(program(task.actions.transform)(actions, by), by.poses(tool))
     np.testing.assert_allclose(moved[..., :3], by.places(way[..., :3]), atol=2e-5)
     if way.shape[-1] == 7:
         wanted = np.stack([by.poses(jnp.pad(way[:, at], ((0, 0), (0, 1))))[:, 3:7] for at in (0, -1)], axis=1)
@@ -76,7 +76,7 @@ def test_the_scripted_expert_does_alike_what_is_moved_by_a_symmetry_of_its_task(
     quarters = replace(task.symmetry, turns=False, angles_rad=QUARTERS) if task.symmetry.turns else task.symmetry
     by = drawn(6, quarters)
     here = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)))._replace(tool=tool)
-    wanted = program(task.actions.moved)(first_action(task.policy, task.policy.prepare(x, goal), here), by)
+    wanted = program(task.actions.transform)(first_action(task.policy, task.policy.prepare(x, goal), here), by)
     found = [_acted(task, np.asarray(by.places(here.x))[one], goal, by, one, tool) for one in range(COUNT)]
     same = np.linalg.norm(np.concatenate(found) - np.asarray(wanted), axis=1)
     # A choice between two ways that are as good falls either way.

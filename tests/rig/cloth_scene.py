@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from app.core.geometry.scene_description import Cloth, Gripper, Rack, Stage
+from app.core.geometry.scene_description import Cloth, Stage
+from app.core.geometry.shapes.fixtures import Rack
+from app.core.geometry.shapes.tools import Gripper
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.cloth_world import ClothWorld

@@ -3,7 +3,8 @@
 import numpy as np
 
 from app.core.dialogue.approval import Approved
-from app.core.geometry.scene_description import Finger, Rope
+from app.core.geometry.scene_description import Rope
+from app.core.geometry.shapes.tools import Finger
 from app.core.motion import Motion
 from bench.approval import approved as approved_over
 

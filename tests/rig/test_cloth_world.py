@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.geometry.scene_description import Obstacle
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, MESH_M, RACK, flat, go, grasped, hand
 
@@ -42,8 +42,8 @@ def test_a_cloth_that_lies_on_the_table_stays_there() -> None:
 def test_a_cloth_that_is_grasped_at_its_edge_hangs_from_the_fingers() -> None:
     cell = world()
     hung = grasped(cell, 0.50, -0.067)
-    assert 2 <= cell.held.sum() <= 16
-    assert np.linalg.norm(hung[cell.held] - cell.tool[:3], axis=1).max() < 0.05
+    assert 2 <= cell.held_nodes.sum() <= 16
+    assert np.linalg.norm(hung[cell.held_nodes] - cell.tool[:3], axis=1).max() < 0.05
     assert hung[:, 2].max() < 0.37
     # Its far corners are as far down as the cloth allows, and nothing is on the table.
     assert 0.05 < hung[:, 2].min() < 0.35 - 0.9 * CLOTH.size_m + 0.01
@@ -54,7 +54,7 @@ def test_closing_fingers_hardly_move_the_cloth() -> None:
     cell.place(hand(0.50, -0.067, 0.10, 0.04))
     lying = go(cell, hand(0.50, -0.067, 0.006, 0.04))
     taken = go(cell, hand(0.50, -0.067, 0.006, 0.004), rest_s=0.5)
-    assert cell.held.any()
+    assert cell.held_nodes.any()
     # The knots that are held are pressed together from where the open fingers were.
     assert np.abs(taken - lying).max() < GRIPPER.opening_m
     assert np.linalg.norm(taken.mean(axis=0) - lying.mean(axis=0)) < 0.005
@@ -64,11 +64,11 @@ def test_open_fingers_hold_nothing_and_fingers_that_open_let_go() -> None:
     cell = world()
     cell.place(hand(0.50, -0.067, 0.10, 0.04))
     lifted = go(cell, hand(0.50, -0.067, 0.004, 0.04), hand(0.50, -0.067, 0.20, 0.04))
-    assert not cell.held.any()
+    assert not cell.held_nodes.any()
     assert lifted[:, 2].max() < 0.01
     grasped(cell, 0.50, -0.067)
     dropped = go(cell, hand(0.50, -0.067, 0.35, 0.04), rest_s=1.5)
-    assert not cell.held.any()
+    assert not cell.held_nodes.any()
     # In a heap, which may stand as high as a fold does.
     assert dropped[:, 2].max() < 0.08
     assert np.median(dropped[:, 2]) < 0.02
@@ -77,7 +77,7 @@ def test_open_fingers_hold_nothing_and_fingers_that_open_let_go() -> None:
 def test_fingers_that_close_beside_the_cloth_hold_nothing() -> None:
     cell = world()
     assert grasped(cell, 0.50, 0.02)[:, 2].max() < 0.01
-    assert not cell.held.any()
+    assert not cell.held_nodes.any()
 
 
 def test_a_cloth_over_the_rods_stays() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.scene_description import Finger, RopeModel
+from app.core.geometry.scene_description import RopeModel
+from app.core.geometry.shapes.tools import Finger
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope import resample

@@ -100,7 +100,7 @@ from tests.rig.test_processes import opened, process_ids
 async def main(jogging):
     async with opened() as rig, anyio.create_task_group() as tasks:
         if jogging:
-            tasks.start_soon(rig.arm.jogged)
+            tasks.start_soon(rig.arm.accept_jogs)
             while (await rig.arm.state()).mode != "moving":
                 rig.arm.jog(Jog(linear=np.array([0.0, 0.1, 0.0])))
                 await anyio.sleep(0.03)

@@ -171,7 +171,7 @@ class TickedArm:
             return True
         return False
 
-    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
+    async def accept_jogs(self, over: anyio.Event | None = None) -> Executed | None:
         if self._control.mode != "idle":
             raise MotionRefused(
                 Refusal.BUSY, f"The arm is {self._control.mode}; wait for its end, or reset it after a stop."

@@ -73,7 +73,7 @@ class Session:
         """Move the tool by about so much, and let it rest."""
         jog = Jog(angular=np.array(turn_rad) / JOG_S, linear=np.array(by_m) / JOG_S)
         async with anyio.create_task_group() as group:
-            group.start_soon(self.rig.arm.jogged)
+            group.start_soon(self.rig.arm.accept_jogs)
             until_s = time.monotonic() + JOG_S
             while time.monotonic() < until_s:
                 self.rig.arm.jog(jog)

@@ -237,7 +237,7 @@ BAD = {
 def test_what_is_no_such_rope_is_named_in_one_line(name: str) -> None:
     make, words = BAD[name]
     with pytest.raises(PerceptionError, match=words) as raised:
-        assess(make(), ROPE).checked()
+        assess(make(), ROPE).valid_line()
     assert "\n" not in str(raised.value)
     assert str(raised.value).endswith(".")
 
@@ -249,7 +249,7 @@ def test_nothing_is_said_against_an_open_rope(seed: int) -> None:
     )
     verdict = assess(seen(curve, seed), ROPE)
     assert verdict.problems == ()
-    assert distance(verdict.checked(), curve[:, :2]) < R / 4
+    assert distance(verdict.valid_line(), curve[:, :2]) < R / 4
 
 
 def test_lines_that_cross_are_told_from_those_that_do_not() -> None:

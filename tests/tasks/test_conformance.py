@@ -103,7 +103,7 @@ def test_random_actions_are_allowed_stay_in_the_site_and_end_where_they_say(name
     assert drawn.shape == (8, actions.size)
     assert actions.scale().shape == (actions.size,)
     now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), tool)
-    project, allowed = program(actions.project), program(actions.allowed)
+    project, allowed = program(actions.project), program(actions.is_allowed)
     projected = project(jnp.asarray(drawn), now)
     assert np.asarray(allowed(projected, now)).sum() >= 6
     np.testing.assert_allclose(project(projected, now), projected, atol=2e-3)
@@ -138,7 +138,7 @@ def test_the_experts_action_is_allowed_and_the_same_action_gives_the_same_world(
         x, goal, tool = task.particles(cell.nodes(), count), task.goal(SEED, count), cell.tool
         now = PlanningState.at_rest(jnp.asarray(x)[None], tool)
         action = program(task.actions.project)(first_action(task.policy, task.policy.prepare(x, goal), now), now)
-        assert bool(program(task.actions.allowed)(action, now)[0])
+        assert bool(program(task.actions.is_allowed)(action, now)[0])
         executed = cell.execute(approved(task.actions.motion(np.asarray(action)[0], tool, Site()), x))
         assert executed.outcome == "completed"
         made = task.actions.measured_path(executed.tool)

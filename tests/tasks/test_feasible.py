@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.core.geometry.fixture_collision import inside
-from app.core.geometry.scene_description import Bowl, Mat, Obstacle, Rack
+from app.core.geometry.shapes.fixtures import Bowl, Mat, Obstacle, Rack
 from app.tasks import load, names
 from app.tasks.elements.feasible import check_goal
 
@@ -28,12 +27,12 @@ FIXTURES = {
 def test_points_in_the_matter_of_a_fixture_are_inside_and_those_in_its_hollows_are_not(name: str) -> None:
     fixture, solid, hollow = FIXTURES[name]
     points = np.array([solid, hollow], np.float32)
-    assert inside(fixture, points, 0.001).tolist() == [True, False]
-    assert not inside(fixture, points, 1.0).any()
+    assert fixture.contains(points, 0.001).tolist() == [True, False]
+    assert not fixture.contains(points, 1.0).any()
 
 
 def test_nothing_is_inside_a_mark_on_the_table() -> None:
-    assert not inside(Mat(radius_m=0.1, place_m=(0.5, 0.0)), np.float32([[0.5, 0.0, 0.0]]), 0.0).any()
+    assert not Mat(radius_m=0.1, place_m=(0.5, 0.0)).contains(np.float32([[0.5, 0.0, 0.0]]), 0.0).any()
 
 
 @pytest.mark.parametrize("name", names())

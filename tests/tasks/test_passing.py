@@ -91,11 +91,13 @@ def test_walls_change_nothing_of_pushes_that_keep_off_them(seed: int) -> None:
 def test_a_push_into_a_wall_is_not_allowed_and_one_through_the_gap_is() -> None:
     x = jnp.repeat(jnp.asarray(seen(0))[None], 2, axis=0)
     into, through = ([0.70, y, *[-0.008, 0.0] * 20] for y in (0.20, 0.0))
-    np.testing.assert_array_equal(SPACE.allowed(jnp.asarray([into, through]), PlanningState.at_rest(x)), [False, True])
+    np.testing.assert_array_equal(
+        SPACE.is_allowed(jnp.asarray([into, through]), PlanningState.at_rest(x)), [False, True]
+    )
 
 
 def test_random_pushes_may_be_made() -> None:
     x = seen(1)
     actions = SPACE.sample(np.random.default_rng(0), x, PARKED_POSE, 16)
     now = PlanningState.at_rest(jnp.repeat(jnp.asarray(x)[None], 16, axis=0))
-    assert np.all(SPACE.allowed(SPACE.project(jnp.asarray(actions), now), now))
+    assert np.all(SPACE.is_allowed(SPACE.project(jnp.asarray(actions), now), now))

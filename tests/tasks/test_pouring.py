@@ -5,7 +5,9 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import Bowl, HeldBowl, Soup
+from app.core.geometry.scene_description import Soup
+from app.core.geometry.shapes.fixtures import Bowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.tasks import Task, load
 
 pouring = pytest.mark.parametrize("task", [load("pour_water"), load("pour_soup")], ids=lambda task: task.name)

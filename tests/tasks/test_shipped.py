@@ -38,7 +38,7 @@ def test_its_first_actions_bring_objects_nearer_to_their_goals(name: str) -> Non
     phi = jnp.tile(jnp.array(world.phi), (PROBLEMS, 1))
     after = world.advance(phi, now.state, task.actions.tool_path(actions, now.tool)).x
     gained = np.asarray(chamfer_m2(x, goals) - chamfer_m2(np.asarray(after), goals))
-    made = np.asarray(task.actions.allowed(actions, now))
+    made = np.asarray(task.actions.is_allowed(actions, now))
     assert made.mean() >= 0.75
     assert (gained[made] > 0).mean() >= 0.75
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.scene_description import Finger
+from app.core.geometry.shapes.tools import Finger
 from app.core.task_name import TaskName
 from app.jobs import jit_cache
 from app.jobs.worker_api import nominal_model

@@ -38,7 +38,7 @@ async def test_what_a_page_holds_moves_the_arm_while_the_program_waits_for_it_an
             return answers
 
         async def wait() -> None:
-            stretches.append(await arm.jogged())
+            stretches.append(await arm.accept_jogs())
 
         (busy,) = await held(1, 5, axes={"y": 1})
         assert "busy with something else" in busy

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.scene_description import Tool, Vector
+from app.core.geometry.shapes.base import Vector
+from app.core.geometry.shapes.tools import Tool
 from app.core.types import ToolPose, Transform
 
 JointAngles: TypeAlias = Float64[np.ndarray, " J"]

@@ -1,4 +1,4 @@
-"""Distances from a flat finger, seen from above: from its core (`stage.Finger`). For NumPy and JAX arrays alike."""
+"""Distances from the core of a flat finger (`shapes.tools.Finger`), seen from above. For NumPy and JAX arrays alike."""
 
 from typing import Any, TypeVar, cast
 

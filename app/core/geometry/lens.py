@@ -43,6 +43,6 @@ class Lens:
         scaled = points @ self.K.T
         return scaled[..., :2] / scaled[..., 2:]
 
-    def straightened(self, image: ColourImage) -> ColourImage:
+    def undistort(self, image: ColourImage) -> ColourImage:
         """The undistorted image, as the pinhole alone would have taken it; black outside the field of view."""
         return cv2.undistort(image, self.K, np.array(self.distortion)).astype(np.uint8)

@@ -1,7 +1,7 @@
 """The tool's shape and position from points of its surface, of which cameras may see any part.
 
 Seen from above a tool is every point within its radius of a core: a point for a round tool, a line for a flat one, as
-in `core.geometry.stage.Finger`. The mean of the visible points is on the side that faces the cameras, far from its
+in `shapes.tools.Finger`. The mean of the visible points is on the side that faces the cameras, far from its
 middle.
 """
 

@@ -50,6 +50,6 @@ class Track:
         """The tip's velocity at times [m/s], by a central difference."""
         return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s
 
-    def moved(self, positions: Path3) -> "Track":
+    def with_positions(self, positions: Path3) -> "Track":
         """The same trajectory with other positions of the tip."""
         return Track(times_s=self.times_s, poses=np.concatenate([positions, self.poses[:, 3:]], axis=1))

@@ -99,7 +99,7 @@ def _cloud(points: Points, shift: _Shift) -> Points:
 
 
 def _track(track: Track, shift: _Shift) -> Track:
-    return track.moved(track.positions + shift)
+    return track.with_positions(track.positions + shift)
 
 
 def _example(it: Example, shift: _Shift) -> Example:

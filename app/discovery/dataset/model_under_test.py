@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.geometry.scene_description import Finger
+from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.discovery import sensor_actuator_errors
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values

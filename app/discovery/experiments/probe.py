@@ -126,7 +126,7 @@ def belief_of_study(study: Study, subject: Subject) -> Belief:
 def belief_of(screening: Screening) -> Belief:
     """Belief from a screening, with the probabilities that were measured for such screenings."""
     probabilities, nothing = calibration().probabilities(screening)
-    suspects = {each.cause: each.columns for each in screening.weighed if probabilities[each.cause] > _RIVAL}
+    suspects = {each.cause: each.columns for each in screening.causes if probabilities[each.cause] > _RIVAL}
     prior, weighing = screening.prior, screening.weighing
     kept = sorted({*prior.nuisance, *(column for columns in suspects.values() for column in columns)})
     at, forms = {column: number for number, column in enumerate(kept)}, weighing.nothing.forms

@@ -77,7 +77,7 @@ def features(screening: Screening) -> tuple[list[str], Float64[np.ndarray, "C F"
     alone.
     """
     by_push, by_episode = _scores(screening)
-    suspects = sorted(screening.weighed, key=lambda suspect: suspect.cause)
+    suspects = sorted(screening.causes, key=lambda suspect: suspect.cause)
     rows = np.array([_row(screening, suspect, by_push, by_episode) for suspect in suspects])
     log_bayes, score = rows[:, 0], rows[:, 1]
     evidence, rivals = _logarithmic(log_bayes), _best_of_others(log_bayes)

@@ -61,7 +61,7 @@ class _Rows(NamedTuple):
     episode: Int[np.ndarray, " K"]
     least_m: float | None
 
-    def left(self, theta: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, "K S"]:
+    def residuals(self, theta: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, "K S"]:
         return (self.r - self.J @ theta) * self.known
 
 
@@ -183,7 +183,7 @@ def _distances(
     block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
     """Squared Mahalanobis distance of each push's residuals at theta."""
-    return (_times(roots, block.left(theta)) ** 2).sum(1)
+    return (_times(roots, block.residuals(theta)) ** 2).sum(1)
 
 
 def _size(
@@ -224,7 +224,7 @@ def _scatter(
     rows = block.r.shape[1]
     if not len(block.r):
         return np.eye(rows) * (block.least_m or _LEAST_M) ** 2
-    left = block.left(theta) / np.sqrt(size)[:, None]
+    left = block.residuals(theta) / np.sqrt(size)[:, None]
     if block.least_m is not None:
         one = float((left**2).sum() / block.seen.sum())
         return np.eye(rows) * max(one, block.least_m**2)

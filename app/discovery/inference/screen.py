@@ -63,7 +63,7 @@ class Screening:
     force: CandidateCause | None = None
 
     @property
-    def weighed(self) -> tuple[CandidateCause, ...]:
+    def causes(self) -> tuple[CandidateCause, ...]:
         """The causes of the catalogue, and the force of none."""
         return self.suspects if self.force is None else (*self.suspects, self.force)
 

@@ -107,7 +107,7 @@ class Watch:
         return max(number for number, evidence in enumerate(before) if evidence == min(before)) + 1
 
     @property
-    def doubted(self) -> tuple[Glance, ...]:
+    def pushes_in_doubt(self) -> tuple[Glance, ...]:
         """The pushes since the model seems to be wrong."""
         return self.glances[self.since - 1 :] if self.since else ()
 

@@ -64,7 +64,7 @@ class Basis:
         """The displacement of each point [m]."""
         return np.einsum("nqd,q->nd", self.vectors, amplitudes)
 
-    def projected(self, displacement: Float64[np.ndarray, "*batch N 2"]) -> Float64[np.ndarray, "*batch Q"]:
+    def project(self, displacement: Float64[np.ndarray, "*batch N 2"]) -> Float64[np.ndarray, "*batch Q"]:
         """The amplitudes [m] of displacements of these same points, by least squares."""
         flat = self.vectors.transpose(0, 2, 1).reshape(-1, self.vectors.shape[1])
         rows = displacement.reshape(-1, flat.shape[0])

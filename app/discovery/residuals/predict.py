@@ -72,12 +72,12 @@ class SimulationBatch:
     def __len__(self) -> int:
         return len(self.study.pushes)
 
-    def turned(self, ends: Mapping[int, float]) -> "SimulationBatch":
+    def with_ends(self, ends: Mapping[int, float]) -> "SimulationBatch":
         """The same with the object's other end called the first in the episodes in which `ends` is -1."""
         signs = np.array([ends[push.episode] for push in self.study.pushes], np.float32)
         return replace(self, labels=self.labels * signs[:, None, None], ways=self.ways * signs)
 
-    def disturbed(self, seed: int) -> "SimulationBatch":
+    def with_noise(self, seed: int) -> "SimulationBatch":
         """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""
         rng = np.random.default_rng(seed)
         pushes = tuple(

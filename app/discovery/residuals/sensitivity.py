@@ -122,13 +122,13 @@ def residuals(
     changes = [secant_of(predictor, trials, about, step) for step in steps]
     beginnings = [trials]
     if predictor.subject.rods is not None:
-        beginnings += [trials.disturbed(seed) for seed in range(starts - 1)]
+        beginnings += [trials.with_noise(seed) for seed in range(starts - 1)]
     runs = [_simulate(predictor, beginning, about, steps, changes) for beginning in beginnings]
     base, displaced = _mean_of(runs)
     if not replicas or len(beginnings) > 1:
         disturbed = [one for one, _ in runs][: replicas and starts]
     else:
-        disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
+        disturbed = [_single(predictor(trials.with_noise(seed), [about])) for seed in range(replicas)]
     clouds = _assemble(trials, base, displaced, [change.apart for change in changes], disturbed)
     direct = direct_rows(predictor, trials, about, changes)
     spread = np.concatenate([clouds.spread, clouds.J * _erring(catalogue, steps)], axis=2)
@@ -316,10 +316,10 @@ def _assemble(
             r[k, rows] = register(predicted, observed, basis)
             if changes:
                 displaced = np.stack([getattr(each, name)[k][:, :2] for each in changes])
-                J[k, rows] = basis.projected(np.nan_to_num(displaced.astype(np.float64))).T * scale
+                J[k, rows] = basis.project(np.nan_to_num(displaced.astype(np.float64))).T * scale
             if replicas:
                 moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, :2] for seen in replicas])
-                ends_at = basis.projected(np.nan_to_num(moved_on.astype(np.float64)))
+                ends_at = basis.project(np.nan_to_num(moved_on.astype(np.float64)))
                 spread[k, rows] = ends_at.T / np.sqrt(len(replicas))
             known[k, rows] = True
     return Residuals(

@@ -115,7 +115,7 @@ def _rod_stepper(rods: RodModel) -> Stepper:
     def begin(x: Clouds, seen: Clouds) -> Start:
         full = np.concatenate([np.arange(len(x)), np.full(-len(x) % _TRACED, len(x) - 1)])
         chunks = full.reshape(-1, _TRACED)
-        parts = [at_rest.moved(x[chunk], at_rest.places(seen[chunk])) for chunk in chunks]
+        parts = [at_rest.state_at(x[chunk], at_rest.places(seen[chunk])) for chunk in chunks]
         return tuple(
             np.concatenate([np.asarray(part[row]) for part in parts])[: len(x)] for row in range(len(parts[0]))
         )

@@ -53,7 +53,7 @@ class Vessel:
         near = np.linalg.norm(away, axis=1) < self.radius_m + margin_m / 2
         return near & (away @ np.asarray(self.up, np.float32) < margin_m)
 
-    def filled(self, volume_m3: float) -> "Pool":
+    def pool(self, volume_m3: float) -> "Pool":
         """The pool of this volume at rest; full where the vessel does not hold as much."""
         z = np.sort(Pool(vessel=self, level_m=self.place_m[2] + self.radius_m).points(_SPACING_M)[:, 2])
         count = min(max(1, round(volume_m3 / _SPACING_M**3)), len(z))

@@ -35,7 +35,7 @@ class Ends:
     X: Transform
     Y: Transform
 
-    def shifted(self, by: Float64[np.ndarray, "12"]) -> "Ends":
+    def shift(self, by: Float64[np.ndarray, "12"]) -> "Ends":
         """The transforms rotated and shifted by an increment, as in a `Jacobian`."""
         return Ends(X=_shift(self.X, by[:6]), Y=_shift(self.Y, by[6:]))
 

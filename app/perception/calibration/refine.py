@@ -64,7 +64,7 @@ def refine(begun: Ends, views: Sequence[Corners], lens: Lens, setup: Setup) -> R
     lengths = chain.lengths(doubted)
     kept = lengths < _OUTLIER * _scale(lengths)
     ends = _descend(doubted, chain, kept, doubting=False)
-    told = chain.told(ends)
+    told = chain.equations(ends)
     return Refined(
         ends=ends,
         covariance=_covariance(told, kept),
@@ -104,11 +104,11 @@ class _Chain(NamedTuple):
     lens: Lens
     setup: Setup
 
-    def told(self, ends: Ends) -> list[_Told]:
+    def equations(self, ends: Ends) -> list[_Told]:
         return [self._of(ends, view) for view in self.views]
 
     def lengths(self, ends: Ends) -> Float64[np.ndarray, " V"]:
-        return np.array([each.length for each in self.told(ends)])
+        return np.array([each.length for each in self.equations(ends)])
 
     def _of(self, ends: Ends, view: Corners) -> _Told:
         J, by_H = slopes(ends, view.H, view.points, self.lens, self.setup)
@@ -137,16 +137,16 @@ def _pose_error(
 
 def _descend(begun: Ends, chain: _Chain, kept: Bool[np.ndarray, " V"], *, doubting: bool) -> Ends:
     """Gauss-Newton descent with Levenberg damping where a step raises the cost, views reweighted at each step."""
-    ends, told, brake = begun, chain.told(begun), 1e-6
+    ends, told, brake = begun, chain.equations(begun), 1e-6
     for _ in range(_ROUNDS):
         weights = kept * (_weights(np.array([each.length for each in told])) if doubting else 1.0)
         N = np.tensordot(weights, [each.N for each in told], 1)
         step = -np.linalg.solve(N + brake * np.diag(np.diag(N)), np.tensordot(weights, [each.g for each in told], 1))
-        tried = chain.told(ends.shifted(step))
+        tried = chain.equations(ends.shift(step))
         if not _cost(tried, weights) <= _cost(told, weights):
             brake *= 10.0
             continue
-        ends, told, brake = ends.shifted(step), tried, max(brake / 10.0, 1e-12)
+        ends, told, brake = ends.shift(step), tried, max(brake / 10.0, 1e-12)
         if np.abs(step).max() < _STILL:
             break
     return ends

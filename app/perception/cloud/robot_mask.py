@@ -5,34 +5,25 @@ with its range of distances: a reading in front of or behind that is not of the 
 of kinematics and calibration.
 """
 
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
-from scipy.spatial.transform import Rotation
+from jaxtyping import Bool, Float32
 
 from app.core.geometry.arm_geometry import ArmShape, JointState
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.scene_description import Finger, Gripper, HeldBowl, Paddle, Tool
-from app.core.types import DepthImage, ToolPose
+from app.core.geometry.shapes.hulls import Corners, capsule_corners
+from app.core.types import DepthImage
 
 Shadow: TypeAlias = Float32[np.ndarray, "height width"]
 """Distance from the camera [m, along its axis] at which the arm begins in each pixel that shows it; infinite
 elsewhere."""
-Corners: TypeAlias = Float64[np.ndarray, "_ 3"]
-"""Points [m, world] whose convex hull contains a part."""
 
 MARGIN_M = 0.010
 """Margin of all parts: 5 mm of kinematics, 3 mm of extrinsics, a pixel, and cables."""
-_FINGER_M, _HANDLE_M = 0.10, 0.008
-"""Distance from the tip of a tool to the hand, and radius of a paddle's handle."""
 _NEAREST_M = 0.05
-_TURNS, _RINGS = 12, 5
-_OUTSIDE = 1.06
-"""Scale of a ball's polyhedron that makes its inscribed corners enclose the ball."""
 
 
 def shadow(camera: CameraModel, depth: DepthImage, pieces: Sequence[Corners]) -> Shadow:
@@ -69,52 +60,14 @@ def _hull(corners: Corners, shape: tuple[int, ...]) -> tuple[slice, slice, Bool[
 
 
 def pieces(arm: ArmShape, at: JointState, margin_m: float = MARGIN_M) -> list[Corners]:
-    """Convex pieces of the arm and its tool, enlarged by the margin on every side."""
+    """Convex pieces of the arm and its tool, enlarged by the margin but where the tool holds the object."""
     links = arm.links(at.joints)
     found = list[Corners]()
     for limb in arm.limbs:
         turn, place = links[limb.link][:3, :3], links[limb.link][:3, 3]
         begin, end = (turn @ np.asarray(place_m) + place for place_m in (limb.begin, limb.end))
-        found += _capsule(begin, end, limb.radius_m + margin_m)
-    return found + list(_tool(arm.tool, at.tool, margin_m))
-
-
-def _tool(tool: Tool, at: ToolPose, margin_m: float) -> Iterator[Corners]:
-    """The tool's own pieces. Those that hold the object have no margin, and a bowl has none: it must stay visible."""
-    turn, tip = Rotation.from_quat(at[3:7], scalar_first=True).as_matrix(), at[:3]
-    up = -turn[:, 2]
-    match tool:
-        case Finger():
-            sides = [tip + np.asarray(side) for side in tool.ends_m()]
-            begin, end = ([side + height * up for side in sides] for height in (tool.radius_m, _FINGER_M))
-            yield from _plate(begin, end, tool.radius_m + margin_m)
-        case Paddle():
-            yield _box(tool.half_m, turn, tip, margin_m)
-            yield from _capsule(tip + tool.half_m[2] * up, tip + _FINGER_M * up, _HANDLE_M + margin_m)
-        case Gripper():
-            for side in (-1, 1):
-                aside = side * (at[7] / 2 + tool.half_m[1])
-                yield _box(tool.half_m, turn, tip + turn @ np.array([0.0, aside, -tool.half_m[2]]), 0.0)
-        case HeldBowl():
-            return
-
-
-def _box(half_m: Sequence[float], turn: Float64[np.ndarray, "3 3"], middle: np.ndarray, margin_m: float) -> Corners:
-    signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(8, 3)
-    return middle + signs * (np.asarray(half_m) + margin_m) @ turn.T
-
-
-def _capsule(begin: np.ndarray, end: np.ndarray, radius_m: float) -> list[Corners]:
-    return _plate([begin], [end], radius_m)
-
-
-def _plate(begin: Sequence[np.ndarray], end: Sequence[np.ndarray], radius_m: float) -> list[Corners]:
-    """Pieces of the volume within a radius of the sweep, no longer than thick: each has a nearest distance."""
-    first, last = np.stack(begin), np.stack(end)
-    count = max(1, int(np.ceil(np.linalg.norm(last[0] - first[0]) / (2 * radius_m))))
-    places = first + np.linspace(0.0, 1.0, count + 1)[:, None, None] * (last - first)
-    balls = places[:, :, None] + _OUTSIDE * radius_m * _BALL
-    return [np.concatenate([*a, *b]) for a, b in itertools.pairwise(balls)]
+        found += capsule_corners(begin, end, limb.radius_m + margin_m)
+    return found + arm.tool.hulls(at.tool, margin_m)
 
 
 def _beside(corners: Corners, camera: CameraModel) -> bool:
@@ -122,16 +75,3 @@ def _beside(corners: Corners, camera: CameraModel) -> bool:
     x, y, z = corners.T
     sides = (x < 0, x > camera.width * z, y < 0, y > camera.height * z, z < 0)
     return any(bool(side.all()) for side in sides)
-
-
-def _ball() -> Float64[np.ndarray, "Q 3"]:
-    """Points on the unit sphere: rings about the vertical, and the poles."""
-    height = np.linspace(-1.0, 1.0, _RINGS + 2)[1:-1]
-    around = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False)
-    z, turn = (each.ravel() for each in np.meshgrid(np.sin(np.pi / 2 * height), around, indexing="ij"))
-    rim = np.sqrt(1 - z**2)
-    rings = np.stack([rim * np.cos(turn), rim * np.sin(turn), z], axis=1)
-    return np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
-
-
-_BALL = _ball()

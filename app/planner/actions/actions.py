@@ -70,7 +70,7 @@ class ActionSpace(Protocol):
         """The nearest actions, or nearly so, that are allowed now."""
         ...
 
-    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if projection succeeded: the arm may start there."""
         ...
 
@@ -78,7 +78,7 @@ class ActionSpace(Protocol):
         """Typical change of each number: the unit of one step of gradient descent."""
         ...
 
-    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+    def transform(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
         """The same actions after the table and all on it is moved by an isometry."""
         ...
 
@@ -205,7 +205,7 @@ class Pushes:
             points = self._slid(start, steps)
         return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
 
-    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if the finger comes down beside the object (within a tenth of a millimetre) and inside the region.
 
         It must also enter no keep-out rectangle.
@@ -225,7 +225,7 @@ class Pushes:
             np.array([self.start_scale_m, self.displacement_scale_m], np.float32), [2, 2 * self.displacements]
         )
 
-    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+    def transform(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
         """The start as a place, displacements as directions."""
         start, steps = self._split(actions)
         return self._join(by.places(start), by.directions(steps))

@@ -111,7 +111,7 @@ class Carries:
         opening = jnp.clip(wanted[..., 3:], *self.openings_m)
         return jnp.concatenate([jnp.stack(taken, axis=1), opening], axis=-1).reshape(actions.shape)
 
-    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if every move ends inside the bounds and clear of the rack."""
         places = self._waypoints(actions, now.tool)[:, 1:, :3]
         return jnp.abs(places - self._free(places)).max((1, 2)) <= _EXACT_M
@@ -120,7 +120,7 @@ class Carries:
         """Scale of a displacement and of an opening."""
         return np.tile(np.array([*[self.displacement_scale_m] * 3, self.opening_scale_m], np.float32), self.moves)
 
-    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+    def transform(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
         """The displacements; openings stay."""
         return by.directions(actions.reshape(-1, self.moves, 4)).reshape(actions.shape)
 

@@ -85,7 +85,7 @@ class Pours:
         share = jnp.where(after > self.max_tilt_rad, share, 1.0)
         return jnp.concatenate([shift, share[:, None] * turn], axis=1)
 
-    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True if it ends in the box."""
         end = now.tool[:, :3] + actions[:, :3]
         return jnp.all((end >= jnp.asarray(self.low) - _EDGE_M) & (end <= jnp.asarray(self.high) + _EDGE_M), axis=-1)
@@ -94,7 +94,7 @@ class Pours:
         """A centimetre and a few degrees."""
         return np.repeat(np.array([self.shift_scale_m, self.turn_scale_rad], np.float32), 3)
 
-    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+    def transform(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
         """Shift and turn."""
         return jnp.concatenate([by.directions(actions[:, :3]), by.rotations(actions[:, 3:])], axis=1)
 

@@ -113,7 +113,7 @@ class Sweeps:
         end = start + jnp.minimum(length, self._room(start, ahead))[:, None] * ahead
         return jnp.concatenate([start, end], axis=1)
 
-    def allowed(self, actions: Float[Array, "B 4"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B 4"], now: PlanningState) -> Bool[Array, " B"]:
         """True if the paddle comes down beside the object (within a tenth of a millimetre), and moves at all."""
         low, high = self._bounds()
         start, end = actions[:, :2], actions[:, 2:]
@@ -126,7 +126,7 @@ class Sweeps:
         """The same for all."""
         return np.full(4, self.scale_m, np.float32)
 
-    def moved(self, actions: Float[Array, "B 4"], by: Isometry) -> Float[Array, "B 4"]:
+    def transform(self, actions: Float[Array, "B 4"], by: Isometry) -> Float[Array, "B 4"]:
         """Both ends, transformed."""
         return by.places(actions.reshape(-1, 2, 2)).reshape(actions.shape)
 

@@ -115,7 +115,7 @@ class _Kept(NamedTuple):
 
     def with_those(self, found: OptimizedRollouts) -> "_Kept":
         """The best of these and of a generation."""
-        new = _Kept(found.best, found.lost_gradients, found.best.judged)
+        new = _Kept(found.best, found.lost_gradients, found.best.masked_cost)
         order = jnp.argsort(jnp.concatenate([new.cost, self.cost]))[: len(self.cost)]
 
         def merged(a: Array, b: Array) -> Array:
@@ -148,8 +148,8 @@ def evolve(
 
     def step(now: _Generation, key: PRNGKeyArray) -> tuple[_Generation, tuple[Array, Array]]:
         found = improve(now.actions)
-        before = jnp.where(jnp.isfinite(found.best.judged), found.cost_before, jnp.inf)
-        costs = (jnp.sort(before)[: refit.kept], jnp.sort(found.best.judged)[: refit.kept])
+        before = jnp.where(jnp.isfinite(found.best.masked_cost), found.cost_before, jnp.inf)
+        costs = (jnp.sort(before)[: refit.kept], jnp.sort(found.best.masked_cost)[: refit.kept])
         fitted = fit(found.best, now.drawn, refit.elites, refit.floor * scale)
         actions = fitted.mean + fitted.spread * jax.random.normal(key, first.shape)
         return _Generation(actions, fitted, now.kept.with_those(found)), costs
@@ -164,8 +164,8 @@ def fit(
     rollout: Rollout, before: Gaussian, elites: int, least: Float32[np.ndarray, " A"] | Float[Array, " A"]
 ) -> Gaussian:
     """The Gaussian of the best samples; `before` where none of them is finite and allowed. At least `least` wide."""
-    order = jnp.argsort(rollout.judged)[:elites]
-    usable = jnp.isfinite(rollout.judged[order])
+    order = jnp.argsort(rollout.masked_cost)[:elites]
+    usable = jnp.isfinite(rollout.masked_cost[order])
     share = (usable / jnp.maximum(usable.sum(), 1))[:, None, None]
     chosen = jnp.where(usable[:, None, None], rollout.actions[order], 0.0)
     mean = (share * chosen).sum(0)

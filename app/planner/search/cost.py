@@ -52,7 +52,7 @@ class Weights:
     reach: Reach | None = None
 
     @property
-    def bounded(self) -> bool:
+    def has_bounds(self) -> bool:
         """True if there is any constraint to violate."""
         return bool(self.keep_out) or self.reach is not None
 

@@ -53,7 +53,7 @@ class OptimizedRollouts(NamedTuple):
     finite: Bool[Array, " B"]
 
     @classmethod
-    def sampled(cls, best: Rollout, iterates: Float[Array, "G B"]) -> Self:
+    def from_samples(cls, best: Rollout, iterates: Float[Array, "G B"]) -> Self:
         """The best of a method without gradients, with the best cost of each candidate in every generation of it."""
         lost = jnp.zeros(len(best.cost), jnp.int32)
         return cls(best, iterates[0], iterates, lost, best.finite)
@@ -98,7 +98,7 @@ def descend(
     """
     if not steps:
         rollout = evaluate(actions)
-        return OptimizedRollouts.sampled(rollout, rollout.cost[None])
+        return OptimizedRollouts.from_samples(rollout, rollout.cost[None])
     optimiser = descent.optimiser()
 
     def slope(actions: Float[Array, "B D A"]) -> tuple[Rollout, Float[Array, "B D A"], Bool[Array, " B"]]:

@@ -190,7 +190,7 @@ def _branch(
         terms={
             "progress": weights.progress * float(best.terms.progress[index]),
             "contact": weights.contact * float(best.terms.contact[index]),
-            **({"trespass": weights.trespass * float(best.terms.trespass[index])} if weights.bounded else {}),
+            **({"trespass": weights.trespass * float(best.terms.trespass[index])} if weights.has_bounds else {}),
             "last iterate": float(found.iterates[-1, index]),
             "lost gradients": float(found.lost_gradients[index]),
         },

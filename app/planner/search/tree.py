@@ -82,7 +82,7 @@ class Rollout(NamedTuple):
         return jnp.isfinite(self.cost) & jnp.isfinite(self.final).all((1, 2))
 
     @property
-    def judged(self) -> Float[Array, " B"]:
+    def masked_cost(self) -> Float[Array, " B"]:
         """The cost; infinite where a branch is not finite, or has an action that may not be made."""
         return jnp.where(self.finite & self.allowed, self.cost, jnp.inf)
 
@@ -180,7 +180,7 @@ def simulate(
         wanted = actions[:, step]
         here, start = jax.lax.stop_gradient((wanted, seen[-1]))
         taken.append(wanted + (search.space.project(here, start) - here))
-        allowed &= search.space.allowed(taken[-1], seen[-1])
+        allowed &= search.space.is_allowed(taken[-1], seen[-1])
         path = search.space.tool_path(taken[-1], seen[-1].tool)
         state = search.advance(phi, seen[-1].state, path)
         made = step_terms(seen[-1].x, state.x, goal, path, search.weights)

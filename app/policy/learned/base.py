@@ -39,11 +39,11 @@ class Space(Protocol):
         """True if an action may begin anywhere, so that the tool's pose does not matter."""
         ...
 
-    def allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
+    def is_allowed(self, actions: Float[Array, "B A"], now: PlanningState) -> Bool[Array, " B"]:
         """True for each action that is feasible."""
         ...
 
-    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+    def transform(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
         """The same actions after the table is moved by an isometry."""
         ...
 
@@ -87,7 +87,7 @@ class Lessons:
     views: Views
     world: TrainingSimulator | None = None
 
-    def framed(
+    def act_in_frame(
         self, goal: Float[Array, "B M 3"], now: PlanningState, act: Callable[[PolicyObservation], ActionDistribution]
     ) -> ActionDistribution:
         """Action distribution of `act`, computed in the frame of the task's symmetry and moved back to the table."""
@@ -109,7 +109,7 @@ def _move(space: Space, acted: ActionDistribution, by: Isometry) -> ActionDistri
     """Moved on the table, as actions are; what is spread evenly one way there is so in parts of several here."""
 
     def moved(actions: Float[Array, "B A"]) -> Float[Array, "B A"]:
-        return space.moved(actions, by)
+        return space.transform(actions, by)
 
     def along(number: Float[Array, " A"]) -> Float[Array, "B A"]:
         return jax.jvp(moved, (acted.mean,), (acted.spread * number,))[1]
@@ -265,7 +265,7 @@ class LearnedPolicy:
         """Action distribution of the network for the observation of each candidate."""
         params, scale, one, *_ = prepared
         goal = jnp.broadcast_to(one, (len(now.x), *one.shape[1:]))
-        return self.how.framed(goal, now, lambda seen: self.learner.act(params, seen, self.how, scale))
+        return self.how.act_in_frame(goal, now, lambda seen: self.learner.act(params, seen, self.how, scale))
 
 
 @partial(jax.jit, static_argnums=0)

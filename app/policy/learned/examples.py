@@ -92,7 +92,7 @@ class Batch(NamedTuple):
         return cls(x, goal, tool, made, after, jnp.asarray(counts, jnp.float32))
 
     @classmethod
-    def drawn(
+    def draw(
         cls,
         examples: Examples,
         chosen: Int[np.ndarray, " B"],
@@ -106,11 +106,11 @@ class Batch(NamedTuple):
         towards = chosen[:, None] + np.arange(window) <= last[:, None]
         return own._replace(goal=jnp.asarray(goals), counts=own.counts * towards)
 
-    def framed(self, lessons: Lessons) -> Self:
+    def to_frame(self, lessons: Lessons) -> Self:
         """Each as it is in its frame."""
         return self._apply_isometry(lessons, lessons.symmetry.frame(self.goal, self.x))
 
-    def moved(self, lessons: Lessons, by: Isometry) -> Self:
+    def transform(self, lessons: Lessons, by: Isometry) -> Self:
         """Each as it would be on the moved table.
 
         Where frames are none, one that the arm could not do there stays as it is: what it does elsewhere tells nothing.
@@ -118,18 +118,18 @@ class Batch(NamedTuple):
         new = self._apply_isometry(lessons, by)
         if lessons.symmetry.turns:
             return new
-        may = lessons.space.allowed(new.actions, PlanningState.at_rest(new.x)._replace(tool=new.tool))
+        may = lessons.space.is_allowed(new.actions, PlanningState.at_rest(new.x)._replace(tool=new.tool))
         pairs = zip(new, self, strict=True)
         return type(self)(*(jnp.where(may.reshape(-1, *[1] * (there.ndim - 1)), there, here) for there, here in pairs))
 
-    def shown(self, lessons: Lessons) -> Shown:
+    def observe(self, lessons: Lessons) -> Shown:
         """The batch as observed by a learner."""
         now = PlanningState.at_rest(self.x)._replace(tool=self.tool)
         return Shown(lessons.observation(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 
     def _apply_isometry(self, lessons: Lessons, by: Isometry) -> Self:
         window, places = self.made.shape[1], by.places
-        made = jnp.stack([lessons.space.moved(self.made[:, at], by) for at in range(window)], axis=1)
+        made = jnp.stack([lessons.space.transform(self.made[:, at], by) for at in range(window)], axis=1)
         return type(self)(places(self.x), places(self.goal), by.poses(self.tool), made, places(self.after), self.counts)
 
 
@@ -137,7 +137,7 @@ def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
     """Mean and standard deviation of the training actions under random symmetries."""
     rng, count = np.random.default_rng([seed, len(examples.x)]), len(examples.x)
     many = Batch.of(examples, np.repeat(np.arange(count), _DRAWS))
-    by = lessons.symmetry.drawn(rng, _DRAWS * count)
+    by = lessons.symmetry.draw(rng, _DRAWS * count)
     actions = np.asarray(_moved_actions(lessons, many, by))
     mean, std = (each(actions, axis=0).reshape(lessons.space.chunk).astype(np.float32) for each in (np.mean, np.std))
     return Scale(mean, np.where(std < _LEAST, np.float32(_ASSUMED), std))
@@ -146,4 +146,4 @@ def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
 @partial(jax.jit, static_argnums=0)
 def _moved_actions(lessons: Lessons, batch: Batch, by: Isometry) -> Float[Array, "B A"]:
     """Actions of a batch in its frames, moved on the table."""
-    return batch.framed(lessons).moved(lessons, by).actions
+    return batch.to_frame(lessons).transform(lessons, by).actions

@@ -83,7 +83,7 @@ def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Trai
 @partial(jax.jit, static_argnums=(0, 1), compiler_options={"xla_backend_optimization_level": 0})
 def _initial_state(learner: Learner, lessons: Lessons, key: PRNGKeyArray, first: Batch) -> tuple[Params, Any]:
     """Parameters, and the optimiser's state, which begins alike whatever its settings."""
-    params = learner.begin(key, first.framed(lessons).shown(lessons).seen, lessons)
+    params = learner.begin(key, first.to_frame(lessons).observe(lessons).seen, lessons)
     return params, _optimiser(TrainingSettings()).init(params)
 
 
@@ -112,8 +112,8 @@ def learn(
     while told.step < settings.steps and told.idle < settings.patience:
         rng = np.random.default_rng([settings.seed, told.step])
         key = jax.random.fold_in(jax.random.key(settings.seed), told.step)
-        chosen = Batch.drawn(taught, rng.integers(len(taught.x), size=settings.batch), chances, learner.window, rng)
-        by = lessons.symmetry.drawn(rng, settings.batch)
+        chosen = Batch.draw(taught, rng.integers(len(taught.x), size=settings.batch), chances, learner.window, rng)
+        by = lessons.symmetry.draw(rng, settings.batch)
         told.params, told.optimiser, loss = step(told.params, told.optimiser, key, chosen, by)
         losses.append(loss)
         told.step += 1
@@ -136,7 +136,7 @@ def _step(
     by: Isometry,
 ) -> tuple[Params, Any, Float[Array, ""]]:
     """One step of gradient descent."""
-    shown = chosen.framed(lessons).moved(lessons, by).shown(lessons)
+    shown = chosen.to_frame(lessons).transform(lessons, by).observe(lessons)
     loss, slopes = jax.value_and_grad(learner.loss)(params, key, shown, lessons, scale)
     updates, optimiser = _optimiser(settings).update(slopes, optimiser, params)
     stepped = cast("Params", optax.apply_updates(params, updates))
@@ -147,7 +147,7 @@ def _step(
 def _held_out(
     learner: Learner, lessons: Lessons, scale: Scale, params: Params, key: PRNGKeyArray, held: Batch
 ) -> Float[Array, ""]:
-    return learner.loss(params, key, held.framed(lessons).shown(lessons), lessons, scale)
+    return learner.loss(params, key, held.to_frame(lessons).observe(lessons), lessons, scale)
 
 
 def _check(

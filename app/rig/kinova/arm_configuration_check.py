@@ -49,7 +49,7 @@ DELIVERED: Final = Holds()
 
 def check(kortex: Kortex, holds: Holds) -> None:
     """Raise DeviceError, naming the setting to change, where the configured tool or gravity differs from `holds`."""
-    tool, payload, gravity = kortex.configured()
+    tool, payload, gravity = kortex.configuration()
     _check_upright(gravity)
     _check_frame(tool, holds)
     _check_mass(tool.tool_mass + payload.payload_mass, holds)

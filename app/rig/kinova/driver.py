@@ -216,8 +216,8 @@ class Driver:
             if self._defied:
                 continue  # The arm stops the motions of a silent session.
             try:
-                if self._kortex.lost:
-                    raise LinkLost(self._kortex.lost)
+                if self._kortex.loss_reason:
+                    raise LinkLost(self._kortex.loss_reason)
                 if missed < PULSES:
                     self._kortex.keep_alive()
                 elif missed == PULSES:

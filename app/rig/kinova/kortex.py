@@ -62,9 +62,9 @@ class Kortex:
         return self._link.name
 
     @property
-    def lost(self) -> str:
+    def loss_reason(self) -> str:
         """Reason for the lost connection; empty while there is one."""
-        return self._link.lost
+        return self._link.loss_reason
 
     def open(self) -> None:
         """Connect, and subscribe to actions, the arm's state and protection zones for `events`."""
@@ -85,7 +85,7 @@ class Kortex:
 
         They are polled, so that the reader may make calls.
         """
-        return self._link.told()
+        return self._link.take_notifications()
 
     def keep_alive(self) -> None:
         """Send a sign of life without waiting for an answer: without any the arm stops the session's motions."""
@@ -177,7 +177,7 @@ class Kortex:
         """Move the fingers continuously, at a share of their full speed: above 0 opens."""
         self._grip(GripperMode.SPEED, speed)
 
-    def gripped(self) -> float:
+    def gripper_closure(self) -> float:
         """Closure of the fingers, 0 to 1."""
         motors = getattr(getattr(self.feedback().interconnect, "gripper_feedback", None), "motor", ())
         return motors[0].position / 100.0 if motors else 0.0
@@ -201,7 +201,7 @@ class Kortex:
         for mode, (linear, angular) in limits.items():
             self._limit(mode, linear, angular)
 
-    def configured(self) -> tuple[ToolConfiguration, PayloadInformation, GravityVector]:
+    def configuration(self) -> tuple[ToolConfiguration, PayloadInformation, GravityVector]:
         """Configured tool, payload and gravity of the arm."""
         return (
             self._link.call(calls.GET_TOOL_CONFIGURATION, _NOTHING),

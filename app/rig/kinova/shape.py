@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.arm_geometry import ArmShape, Joint, LinkCapsule
-from app.core.geometry.scene_description import Finger, Paddle, Tool, Vector
+from app.core.geometry.shapes.base import Vector
+from app.core.geometry.shapes.tools import Tool
 from app.rig.kinova.gen3 import FIXED, FLANGE_M, Joints, frames
 
 _Z: Vector = (0.0, 0.0, 1.0)
@@ -58,14 +59,11 @@ def tip_m(joints: Joints, tip: Float64[np.ndarray, "3"]) -> float:
 
 def _gripper(tool: Tool, tip_m: float) -> list[tuple[Vector, Vector, float]]:
     """Capsules at the flange, without the tool's own pieces."""
-    match tool:
-        case Finger() | Paddle() if tip_m - _HELD_M > _CLOSED[1][2]:
-            return [*_GRIPPER, _CLOSED, (_CLOSED[1], (0.0, 0.0, tip_m - _HELD_M), _SHANK_M)]
-        case Finger() | Paddle():
-            return [*_GRIPPER, _CLOSED]
-        case _:
-            # A gripper's fingers and a bowl are near the object, which must stay visible.
-            return [*_GRIPPER]
+    if not tool.has_shank:
+        return [*_GRIPPER]
+    if tip_m - _HELD_M > _CLOSED[1][2]:
+        return [*_GRIPPER, _CLOSED, (_CLOSED[1], (0.0, 0.0, tip_m - _HELD_M), _SHANK_M)]
+    return [*_GRIPPER, _CLOSED]
 
 
 def _on_flange(begin: Vector, end: Vector, radius_m: float) -> LinkCapsule:

@@ -33,9 +33,9 @@ class RealSenseCamera:
         return self._keeper.words or (identity.warning if identity else "")
 
     @property
-    def arrived(self) -> Arrived | None:
+    def arrival(self) -> Arrived | None:
         """Timestamps of the newest image."""
-        return self._keeper.memory.arrived
+        return self._keeper.memory.arrival
 
     async def read(self) -> Frame:
         """The newest image, once one is due that is newer than the last one read.

@@ -35,7 +35,9 @@ class Mounted:
     settings: StreamSettings = field(default_factory=StreamSettings)
 
     @classmethod
-    def calibrated(cls, found: HandEye, *, name: str, settings: StreamSettings, source: Source | None = None) -> Self:
+    def from_calibration(
+        cls, found: HandEye, *, name: str, settings: StreamSettings, source: Source | None = None
+    ) -> Self:
         """The camera of a calibration, with images of that size; on the bus where no other `source` is named.
 
         Raises UsageError where it is on the wrist, or was calibrated on distorted images, for these here are a

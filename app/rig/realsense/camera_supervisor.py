@@ -41,7 +41,7 @@ class Keeper:
         return self._ladder.words(time.monotonic())
 
     @property
-    def streamed(self) -> bool:
+    def has_streamed(self) -> bool:
         """True once images have come."""
         return self._ladder.streamed
 
@@ -68,7 +68,7 @@ class Keeper:
         former, (self._ladder, action) = self._ladder, climb(self._ladder, sight, self._timeouts)
         if sight.absent and self._ladder.phase == "waiting" != former.phase:
             self._in_vain += 1
-        if self.streamed or self._in_vain >= _LOOKS:
+        if self.has_streamed or self._in_vain >= _LOOKS:
             self.known.set()
         return action
 
@@ -80,7 +80,7 @@ class Keeper:
 
     def _sight(self) -> CaptureStatus:
         """Observation of the process now."""
-        said, told = self.memory.reported, self.memory.told[0]
+        said, told = self.memory.last_report, self.memory.last_command[0]
         assert said is not None, "a process that was started has been reported as opening"
         return CaptureStatus(
             now_s=time.monotonic(),

@@ -57,7 +57,7 @@ async def _streaming(mounted: Sequence[Mounted], keepers: Sequence[Keeper], star
     silent = [
         f"camera {each.name!r}: {keeper.words}"
         for each, keeper in zip(mounted, keepers, strict=True)
-        if not keeper.streamed
+        if not keeper.has_streamed
     ]
     if silent:
         raise DeviceError(f"Of {'; of '.join(silent)}. `dipac doctor` looks for cameras.")

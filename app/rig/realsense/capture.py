@@ -41,7 +41,7 @@ class _Capture:
 
     def __init__(self, memory: CaptureMemory, source: Source, settings: StreamSettings) -> None:
         self._memory, self._source, self._settings = memory, source, settings
-        self._sdk = Sdk.loaded()
+        self._sdk = Sdk.load()
         self._open = ExitStack()
         self._stream: Stream | None = None
         self._dating, self._last_s = Dating(period_s=settings.period_s), float("-inf")
@@ -50,7 +50,7 @@ class _Capture:
     def go_on(self) -> None:
         """Execute a new command, or read an image; a failure is reported, and left to the supervisor."""
         try:
-            if self._memory.told[0] != self._done:
+            if self._memory.last_command[0] != self._done:
                 self._obey()
             elif self._stream is None:
                 time.sleep(_IDLE_S)
@@ -72,7 +72,7 @@ class _Capture:
         self._say(step, str(error), absent=isinstance(error, CameraAbsent))
 
     def _obey(self) -> None:
-        self._done, command = self._memory.told
+        self._done, command = self._memory.last_command
         if command == "open":
             self.close()
         else:

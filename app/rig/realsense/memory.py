@@ -90,7 +90,7 @@ class CaptureMemory:
         return number
 
     @property
-    def told(self) -> tuple[int, Command]:
+    def last_command(self) -> tuple[int, Command]:
         """The last command and its number."""
         number, which = divmod(self._told.value, len(_COMMANDS))
         return number, _COMMANDS[which]
@@ -107,7 +107,7 @@ class CaptureMemory:
     @property
     def image_s(self) -> float:
         """Arrival of the newest image, monotonic [s]; -inf before the first."""
-        return self.arrived.arrival_s if self.arrived else float("-inf")
+        return self.arrival.arrival_s if self.arrival else float("-inf")
 
     def arrive(self, arrived: Arrived, color: ColourImage, depth: DepthImage) -> None:
         """Publish a pair of images."""
@@ -115,7 +115,7 @@ class CaptureMemory:
         self._arrivals.append(**asdict(arrived))
 
     @property
-    def arrived(self) -> Arrived | None:
+    def arrival(self) -> Arrived | None:
         """Timestamps of the newest image; None before the first."""
         record: Any = self._arrivals.newest()
         if record is None:
@@ -131,7 +131,7 @@ class CaptureMemory:
         self._reports.append(command=report.command, step=report.step, absent=report.absent, text=report.text)
 
     @property
-    def reported(self) -> CaptureReport | None:
+    def last_report(self) -> CaptureReport | None:
         """The last report."""
         record: Any = self._reports.newest()
         if record is None:

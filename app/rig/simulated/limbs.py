@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.geometry.arm_geometry import ArmShape, Joint, LinkCapsule
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.rig.simulated.cameras.appearance import RODS
 from app.rig.simulated.worlds.arm_model import OFFSETS_M
 

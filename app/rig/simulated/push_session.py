@@ -202,7 +202,7 @@ def _rest(world: RopeWorld) -> StampedSnapshot:
 def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     """Encoder track, at the times of the command."""
     told = arm.goes(command, told_only=True).at(command.times_s)
-    return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
+    return command.with_positions(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
 def _follow(world: RopeWorld, track: Track, until_s: float) -> None:

@@ -126,7 +126,7 @@ class RodStart:
         """Arc positions of particles on their ropes, in segments, and their weights: 1 in the mean."""
         return _labels(self.count, self.rest_m, self.radius_m, x, np.zeros((2, 0), np.float32))
 
-    def moved(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:
+    def state_at(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:
         """State through particles that were moved a little since their `places` were found."""
         return RodState(*_through(jnp.asarray(x), jnp.asarray(places), self.count, self.rest_m))
 

@@ -11,7 +11,8 @@ from jaxtyping import Float64
 
 from app.core.bounds import check_range
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Finger, Rope, Stage
+from app.core.geometry.scene_description import Rope, Stage
+from app.core.geometry.shapes.tools import Finger
 from app.core.messages import Proposal, fresh_id
 from app.core.task_name import TaskName, recorded_name
 from app.core.types import Points, ToolPose

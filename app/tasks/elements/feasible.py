@@ -3,7 +3,6 @@
 import numpy as np
 
 from app.core.errors import UsageError
-from app.core.geometry.fixture_collision import inside
 from app.core.types import Points
 from app.tasks.elements.base import Task
 
@@ -14,7 +13,7 @@ _MARGIN_M = 0.002
 def check_goal(task: Task, goal: Points, name: str) -> None:
     """Raises UsageError, which begins with `name`, if a goal (M, 3) [m] is inside a fixture or out of reach."""
     for fixture in task.stage.fixtures:
-        deep = inside(fixture, goal, _MARGIN_M)
+        deep = fixture.contains(goal, _MARGIN_M)
         if deep.any():
             point = np.round(goal[int(np.argmax(deep))].astype(float), 3).tolist()
             raise UsageError(

@@ -5,7 +5,8 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from app.core.geometry.scene_description import Obstacle, Rope
+from app.core.geometry.scene_description import Rope
+from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.types import Points
 from app.tasks.elements.base import Nodes
 from app.tasks.elements.curves import fill_tube

@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.bowls import cap_depth_m
-from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Soup
+from app.core.geometry.scene_description import Liquid, Soup
+from app.core.geometry.shapes.fixtures import Bowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.types import Cloud, Points
 from app.perception.body.resample import resample
 from app.sim.materials.elastic import Elastic

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from app.core.geometry.scene_description import Finger, Rope
+from app.core.geometry.scene_description import Rope
+from app.core.geometry.shapes.tools import Finger
 from app.sim.rods.scene import RodScene, Wall
 from app.tasks.elements.base import Preset, RodDynamics
 

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import qmc
 
-from app.core.geometry.scene_description import Beans, Mat
+from app.core.geometry.scene_description import Beans
+from app.core.geometry.shapes.fixtures import Mat
 from app.core.types import Points
 from app.tasks.elements.base import Nodes
 

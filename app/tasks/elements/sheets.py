@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.ndimage import map_coordinates
 
-from app.core.geometry.scene_description import Cloth, Rack
+from app.core.geometry.scene_description import Cloth
+from app.core.geometry.shapes.fixtures import Rack
 from app.core.types import Points
 from app.perception.body.resample import resample
 from app.tasks.elements.base import Nodes

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.geometry.scene_description import Mat
+from app.core.geometry.shapes.fixtures import Mat
 from app.core.types import Points
 
 

@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.bowls import cap_depth_m
-from app.core.geometry.scene_description import Bowl, HeldBowl, Pieces, Soup
+from app.core.geometry.scene_description import Pieces, Soup
+from app.core.geometry.shapes.fixtures import Bowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.types import Points
 from app.perception.body.floating_pieces import Swimming
 from app.perception.body.resample import resample

@@ -18,7 +18,7 @@ def test_the_slopes_are_finite_differences(setup):
     ends, pixels = Ends(X=truth.X, Y=truth.Y), np.zeros((len(points), 2))
     by_ends, by_gripper = slopes(ends, H, points, LENS, setup)
     for column, by in enumerate(np.eye(12) * STEP):
-        there, back = (residuals(ends.shifted(sign * by), H, points, pixels, LENS) for sign in (1, -1))
+        there, back = (residuals(ends.shift(sign * by), H, points, pixels, LENS) for sign in (1, -1))
         np.testing.assert_allclose(by_ends[:, column], (there - back) / (2 * STEP), rtol=1e-4, atol=1e-2)
     for column, by in enumerate(np.eye(6) * STEP):
         there, back = (residuals(ends, nudged(H, sign * by, setup), points, pixels, LENS) for sign in (1, -1))

@@ -66,7 +66,7 @@ def kortex(link: Link) -> Iterator[Kortex]:
 
 
 def keep_alive(kortex: Kortex, over: threading.Event) -> None:
-    while not over.wait(0.025) and not kortex.lost:
+    while not over.wait(0.025) and not kortex.loss_reason:
         with contextlib.suppress(LinkLost):
             kortex.keep_alive()
 

@@ -110,7 +110,7 @@ async def test_a_hand_moves_the_tool_through_the_port(arm: FakeProcess) -> None:
                 await anyio.sleep(0.02)
 
         tasks.start_soon(hold)
-        moved = await port.jogged()
+        moved = await port.accept_jogs()
     assert moved is not None
     assert moved.outcome == "completed"
     assert moved.measured[-1][1] > 0.02

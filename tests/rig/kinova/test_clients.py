@@ -117,14 +117,14 @@ def test_the_arm_s_own_limits_hold_for_twists(kortex: Kortex, arm: FakeProcess) 
 
 def test_the_fingers_close_and_open_and_stop_at_what_is_between_them(kortex: Kortex, arm: FakeProcess) -> None:
     kortex.grip(1.0)
-    until(lambda: kortex.gripped() > 0.99)
+    until(lambda: kortex.gripper_closure() > 0.99)
     kortex.grip_on(1.0)
-    until(lambda: kortex.gripped() < 0.01)
+    until(lambda: kortex.gripper_closure() < 0.01)
     arm.set(FaultInjection(object_at=0.4))
     kortex.grip(1.0)
-    until(lambda: kortex.gripped() > 0.35)
+    until(lambda: kortex.gripper_closure() > 0.35)
     time.sleep(0.2)
-    assert kortex.gripped() == pytest.approx(0.4, abs=0.01)
+    assert kortex.gripper_closure() == pytest.approx(0.4, abs=0.01)
 
 
 def test_an_emergency_stop_is_a_fault_until_it_is_cleared(kortex: Kortex, arm: FakeProcess) -> None:
@@ -242,7 +242,7 @@ def test_a_wrong_password_is_said_and_nothing_is_left_open(arm: FakeProcess) -> 
     link = OwnLink(address(arm, password="guess"))
     with pytest.raises(Refused, match="password is wrong"):
         link.open()
-    assert link.lost
+    assert link.loss_reason
     assert arm.look()["sessions"] == []
 
 
@@ -268,10 +268,10 @@ def test_a_connection_that_is_cut_is_noticed_and_made_again_without_a_restart(li
         assert kortex.ready()
         arm.cut()
         if isinstance(link, OwnLink):
-            until(lambda: kortex.lost)
+            until(lambda: kortex.loss_reason)
         with pytest.raises(LinkLost):
             kortex.state()
-        assert kortex.lost
+        assert kortex.loss_reason
     kortex.open()
     assert kortex.ready()
 
@@ -282,7 +282,7 @@ def test_an_arm_that_accepts_and_never_answers_is_given_up_in_time(link: Link, a
     arm.set(FaultInjection(deaf=True))
     with pytest.raises(NoAnswer, match="did not answer Stop"):
         kortex.stop(timeout_s=0.2)
-    assert "did not answer" in kortex.lost
+    assert "did not answer" in kortex.loss_reason
     with pytest.raises(LinkLost):
         kortex.clear_faults()
     arm.set(FaultInjection())
@@ -296,7 +296,7 @@ def test_a_life_that_is_shown_to_nobody_ends_the_connection(arm: FakeProcess) ->
     arm.set(FaultInjection(deaf=True))
     begun = time.monotonic()
     keep_alive(kortex, threading.Event())
-    assert "has not answered KeepAlive" in kortex.lost
+    assert "has not answered KeepAlive" in kortex.loss_reason
     assert time.monotonic() - begun > 0.5
     arm.set(FaultInjection())
     kortex.close()
@@ -307,7 +307,7 @@ def test_a_session_that_the_arm_has_closed_is_noticed_by_whoever_keeps_it_alive(
     kortex.open()
     until(lambda: not arm.look()["sessions"])
     kortex.keep_alive()
-    until(lambda: "closed the session" in kortex.lost)
+    until(lambda: "closed the session" in kortex.loss_reason)
     kortex.close()
 
 
@@ -322,12 +322,12 @@ def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: Fak
         except NoAnswer:
             lost += 1
     assert 3 <= lost < 6  # On a busy machine another may be late.
-    assert not kortex.lost
+    assert not kortex.loss_reason
     arm.set(FaultInjection(lose_feedback=10**6))
     for _ in range(40):
         with pytest.raises(NoAnswer):
             kortex.feedback()
-    assert "over UDP" in kortex.lost
+    assert "over UDP" in kortex.loss_reason
 
 
 def test_slow_answers_are_waited_for_and_belong_to_their_calls(kortex: Kortex, arm: FakeProcess) -> None:

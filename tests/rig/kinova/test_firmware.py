@@ -99,7 +99,7 @@ def test_an_arm_whose_client_falls_silent_stops_what_that_moves(arm: FakeProcess
     begun = time.monotonic()
     until(lambda: not arm.look()["moving"])
     assert time.monotonic() - begun > 0.2
-    assert not kortex.lost
+    assert not kortex.loss_reason
     kortex.stop()
     kortex.close()
 
@@ -218,7 +218,7 @@ def test_unknown_calls_sessions_and_messages_are_answered_with_errors(arm: FakeP
         raw.settimeout(5)
 
         def asked(frame: KortexFrame) -> KortexFrame:
-            raw.sendall(frame.framed())
+            raw.sendall(frame.encode_for_stream())
             splitter = Splitter()
             while not (found := splitter.feed(raw.recv(4096))):
                 continue
@@ -234,7 +234,7 @@ def test_unknown_calls_sessions_and_messages_are_answered_with_errors(arm: FakeP
         assert asked(KortexFrame(**known, service=999, function=1)).sub_error == 4
         assert asked(KortexFrame(**known, service=2, function=121, payload=b"\x0b")).sub_error == 13
         assert asked(KortexFrame(**known, service=2, function=175)).error == 0
-        raw.sendall(KortexFrame(kind=FrameKind.PING).framed())
+        raw.sendall(KortexFrame(kind=FrameKind.PING).encode_for_stream())
         assert raw.recv(8) == MAGIC
         assert struct.unpack(">I", raw.recv(4))[0] > 0
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.geometry.arm_geometry import ArmShape, JointState
 from app.core.geometry.camera import CameraModel
-from app.core.geometry.scene_description import Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.types import Points
 from app.perception.cloud.robot_mask import MARGIN_M, pieces, shadow
 from app.rig.kinova import gen3

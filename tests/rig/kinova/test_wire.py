@@ -29,28 +29,28 @@ def test_the_bits_of_a_request_stand_where_the_protocol_says() -> None:
     )
     words = (0x11000000, 0x1234ABCD, 0x10020079, 0x00000002)
     header = b"".join(bytes([number << 3 | 5]) + struct.pack("<I", word) for number, word in enumerate(words, start=1))
-    assert frame.encoded() == b"\x0a\x14" + header + b"\x12\x02\x08\x01"
+    assert frame.encode() == b"\x0a\x14" + header + b"\x12\x02\x08\x01"
 
 
 def test_the_bits_of_an_error_stand_where_the_protocol_says() -> None:
     frame = KortexFrame(kind=FrameKind.RESPONSE, error=3, sub_error=130)
-    assert frame.encoded()[3:7] == struct.pack("<I", 0x13003082)
+    assert frame.encode()[3:7] == struct.pack("<I", 0x13003082)
 
 
 def test_a_frame_on_a_stream_begins_with_magic_and_length() -> None:
-    framed = KortexFrame(kind=FrameKind.PING).framed()
+    framed = KortexFrame(kind=FrameKind.PING).encode_for_stream()
     assert framed[:8] == bytes([7]) + b"xEtRoK" + bytes([7])
     assert struct.unpack(">I", framed[8:12]) == (len(framed) - 12,)
 
 
 @given(FRAMES)
 def test_a_frame_is_read_as_it_was_written(frame: KortexFrame) -> None:
-    assert decode_frame(frame.encoded()) == frame
+    assert decode_frame(frame.encode()) == frame
 
 
 @given(st.lists(FRAMES, max_size=4), st.lists(st.integers(1, 50), max_size=20))
 def test_frames_are_found_however_the_stream_is_cut(frames: list[KortexFrame], cuts: list[int]) -> None:
-    stream, splitter, found = b"".join(frame.framed() for frame in frames), Splitter(), []
+    stream, splitter, found = b"".join(frame.encode_for_stream() for frame in frames), Splitter(), []
     for cut in cuts:
         found += splitter.feed(stream[:cut])
         stream = stream[cut:]
@@ -93,7 +93,7 @@ def test_another_protocol_or_a_monstrous_length_is_refused_at_once(data: bytes, 
 def test_a_frame_without_header_and_one_of_another_version_are_refused() -> None:
     with pytest.raises(WireError, match="no header"):
         decode_frame(b"")
-    other = bytearray(KortexFrame(kind=FrameKind.PING).encoded())
+    other = bytearray(KortexFrame(kind=FrameKind.PING).encode())
     other[6] = 0x20 | other[6] & 0x0F
     with pytest.raises(WireError, match="version 2"):
         decode_frame(bytes(other))
@@ -101,4 +101,4 @@ def test_a_frame_without_header_and_one_of_another_version_are_refused() -> None
 
 def test_what_does_not_fit_its_bits_is_not_sent() -> None:
     with pytest.raises(WireError, match="session 65536"):
-        KortexFrame(kind=FrameKind.REQUEST, session=1 << 16).encoded()
+        KortexFrame(kind=FrameKind.REQUEST, session=1 << 16).encode()

@@ -38,7 +38,7 @@ IDENTITY = Identity(name="D435", serial="0123", firmware="5.16", usb="3.2", K=K,
 
 
 def test_a_calibrated_camera_is_on_the_bus_and_stands_where_its_calibration_has_it() -> None:
-    mounted = Mounted.calibrated(FOUND, name="left", settings=StreamSettings(width=1, height=1, rate_hz=15))
+    mounted = Mounted.from_calibration(FOUND, name="left", settings=StreamSettings(width=1, height=1, rate_hz=15))
     assert mounted.source == Live(serial="0123")
     assert (mounted.settings.width, mounted.settings.height, mounted.settings.rate_hz) == (640, 480, 15)
     model = mounted.model(IDENTITY)
@@ -47,7 +47,7 @@ def test_a_calibrated_camera_is_on_the_bus_and_stands_where_its_calibration_has_
 
 
 def test_a_camera_with_other_intrinsics_than_it_was_calibrated_with_is_refused() -> None:
-    mounted = Mounted.calibrated(FOUND, name="left", settings=StreamSettings())
+    mounted = Mounted.from_calibration(FOUND, name="left", settings=StreamSettings())
     assert mounted.model(replace(IDENTITY, K=K + 0.3)).K[0, 0] == pytest.approx(605.3)
     with pytest.raises(DeviceError, match=r"fx, fy, cx, cy = 611\.0, .* calibrated with 605\.0, .* calibrate it again"):
         mounted.model(replace(IDENTITY, K=K + 6.0))
@@ -63,4 +63,4 @@ def test_a_camera_with_other_intrinsics_than_it_was_calibrated_with_is_refused()
 )
 def test_a_calibration_that_is_not_of_such_a_camera_is_refused(wrong: HandEye, said: str) -> None:
     with pytest.raises(UsageError, match=said):
-        Mounted.calibrated(wrong, name="left", settings=StreamSettings())
+        Mounted.from_calibration(wrong, name="left", settings=StreamSettings())

@@ -128,7 +128,7 @@ async def test_a_frame_is_dated_when_it_was_exposed_and_the_next_is_a_period_lat
     sent = np.array(renderer.sent_s)
     assert all(np.abs(sent - time_s).min() < 2e-3 for time_s in times)
     assert all(frame.time_s > time.monotonic() - TIMING.camera_timeout_s for frame in frames)
-    arrived = camera.arrived
+    arrived = camera.arrival
     assert arrived is not None
     assert (arrived.domain, arrived.by) == ("global", "calendar")
     assert arrived.time_s <= arrived.arrival_s
@@ -188,9 +188,9 @@ async def test_a_process_that_hangs_is_ended_and_replaced(opened) -> None:
 async def test_a_camera_that_was_unplugged_goes_on_when_it_is_plugged_in_again(opened) -> None:
     camera, renderer = opened
     before = pid()
-    renderer.feed.plugged = False
+    renderer.feed.is_plugged = False
     await until(lambda: "is unplugged" in camera.words)
-    renderer.feed.plugged = True
+    renderer.feed.is_plugged = True
     since_s = time.monotonic()
     while (await camera.read()).time_s < since_s:
         pass

@@ -63,7 +63,7 @@ def until(true: Callable[[], object]) -> None:
 
 
 def does(memory: CaptureMemory, command: int, step: str) -> bool:
-    said = memory.reported
+    said = memory.last_report
     return said is not None and (said.command, said.step) == (command, step)
 
 

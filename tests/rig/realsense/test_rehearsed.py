@@ -27,7 +27,7 @@ UNIT_M = 0.00025
 
 
 def played(file: Path, settings: StreamSettings) -> AlignedImages:
-    with streaming(Sdk.loaded(), RecordedSource(file=file), settings) as stream:
+    with streaming(Sdk.load(), RecordedSource(file=file), settings) as stream:
         shots = list[AlignedImages]()
         while True:
             try:

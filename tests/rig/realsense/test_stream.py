@@ -69,7 +69,7 @@ class InProcess:
 
 def played(file: Path, settings: StreamSettings = SETTINGS) -> tuple[Stream, list[AlignedImages]]:
     """The stream, and what came until the recording's end."""
-    with streaming(Sdk.loaded(), RecordedSource(file=file), settings) as stream:
+    with streaming(Sdk.load(), RecordedSource(file=file), settings) as stream:
         return stream, list(_shots(stream))
 
 
@@ -166,7 +166,7 @@ def test_a_lens_is_made_a_pinhole(tmp_path: Path) -> None:
 
 def test_a_camera_is_found_by_its_serial_number_among_others(recordings: dict[str, Path]) -> None:
     """Recorded cameras that the SDK's context was given stand on its list like those on the bus."""
-    sdk = Sdk.loaded()
+    sdk = Sdk.load()
     loaded = [sdk.context.load_device(str(recordings[name])) for name in ("aside", "other")]
     with streaming(sdk, Live(serial="4567"), SETTINGS) as stream:
         assert stream.opened.listed.serial == "4567"
@@ -186,14 +186,14 @@ def test_a_recording_may_be_left_before_its_end_as_often_as_one_likes(recordings
 
 def _left(file: Path, times: int) -> None:
     for _ in range(times):
-        sdk = Sdk.loaded()
+        sdk = Sdk.load()
         listed = sdk.context.load_device(str(file))
         with streaming(sdk, Live(serial="4567"), SETTINGS):
             assert listed is not None
 
 
 def test_a_camera_that_can_is_told_to_keep_global_time() -> None:
-    sdk = Sdk.loaded()
+    sdk = Sdk.load()
     source = InProcess(camera=SoftwareCamera(sdk.rs, together()))
     sensors = source.camera.device.query_sensors()
     option = sdk.rs.option.global_time_enabled
@@ -206,7 +206,7 @@ def test_a_slow_port_is_noticed_and_said(tmp_path: Path) -> None:
     record(tmp_path / "slow.db3", replace(together(), usb="2.1"), Scene(body=together()).views(4))
     stream, _ = played(tmp_path / "slow.db3")
     assert "Software camera 0123 is connected by USB 2.1" in stream.opened.warning
-    sdk = Sdk.loaded()
+    sdk = Sdk.load()
     loaded = sdk.context.load_device(str(tmp_path / "slow.db3"))
     said = census(sdk)
     assert said["cameras"] == ["Software camera 0123, USB 2.1"]
@@ -217,7 +217,7 @@ def test_a_slow_port_is_noticed_and_said(tmp_path: Path) -> None:
 def test_a_size_that_the_camera_lacks_is_refused_in_words(recordings: dict[str, Path]) -> None:
     with (
         pytest.raises(DeviceError, match="does not stream 640x480 at 30 Hz"),
-        streaming(Sdk.loaded(), RecordedSource(file=recordings["other"]), StreamSettings()),
+        streaming(Sdk.load(), RecordedSource(file=recordings["other"]), StreamSettings()),
     ):
         pass
 
@@ -225,7 +225,7 @@ def test_a_size_that_the_camera_lacks_is_refused_in_words(recordings: dict[str, 
 def test_a_recording_that_is_not_there_is_an_absent_camera(tmp_path: Path) -> None:
     with (
         pytest.raises(CameraAbsent, match="no recording"),
-        streaming(Sdk.loaded(), RecordedSource(file=tmp_path / "none.db3"), SETTINGS),
+        streaming(Sdk.load(), RecordedSource(file=tmp_path / "none.db3"), SETTINGS),
     ):
         pass
 

@@ -80,7 +80,7 @@ class Imitation(NextOnly):
         self, params: Params, goal: Float[Array, "B M 3"], now: PlanningState, how: Lessons, scale: Scale
     ) -> Float[Array, "B A"]:
         """The projected action; gradients pass the projection unchanged, and are clipped."""
-        wanted = how.framed(goal, now, lambda seen: self.act(params, seen, how, scale)).mean
+        wanted = how.act_in_frame(goal, now, lambda seen: self.act(params, seen, how, scale)).mean
         here, start = jax.lax.stop_gradient((wanted, now))
         # The loss is a mean over the candidates.
         return _shorten(wanted + (how.space.project(here, start) - here), self.steepest / len(wanted))

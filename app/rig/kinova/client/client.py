@@ -76,7 +76,7 @@ class OwnLink:
                 router.cut()
 
     @property
-    def lost(self) -> str:
+    def loss_reason(self) -> str:
         """Reason for the loss of either session."""
         commands, cyclic = self._commands, self._cyclic
         if commands is None or cyclic is None:
@@ -89,7 +89,7 @@ class OwnLink:
         """Make a call on the session of its service."""
         router = self._cyclic if call.service == Service.BASE_CYCLIC else self._commands
         if router is None:
-            raise LinkLost(self.lost)
+            raise LinkLost(self.loss_reason)
         if router is not self._cyclic:
             return router.call(call, asked, timeout_s)
         try:
@@ -103,7 +103,7 @@ class OwnLink:
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:
         """Send a call on the command session, whose silence is what stops the arm."""
         if (router := self._commands) is None:
-            raise LinkLost(self.lost)
+            raise LinkLost(self.loss_reason)
         router.tell(call, asked)
 
     def subscribe(self, topic: Topic[Any]) -> None:
@@ -111,7 +111,7 @@ class OwnLink:
         handle = self.call(topic.call, NotificationOptions(type=_AS_IT_HAPPENS))
         self._topics[handle.identifier] = topic.told
 
-    def told(self) -> list[object]:
+    def take_notifications(self) -> list[object]:
         """Notifications decoded in the caller's thread, not the receiving one, so that the caller may make calls."""
         router, messages = self._commands, list[object]()
         while router is not None and router.notifications:

@@ -50,7 +50,7 @@ class Link(Protocol):
         ...
 
     @property
-    def lost(self) -> str:
+    def loss_reason(self) -> str:
         """Reason why the connection is unusable; empty while it is usable."""
         ...
 
@@ -69,6 +69,6 @@ class Link(Protocol):
         """Subscribe to a topic for `told`, until the connection ends."""
         ...
 
-    def told(self) -> list[object]:
+    def take_notifications(self) -> list[object]:
         """Notifications since the last call, in order."""
         ...

@@ -77,7 +77,7 @@ class OfficialLink:
             _quietly(wire.disconnect)
 
     @property
-    def lost(self) -> str:
+    def loss_reason(self) -> str:
         """Reason for the lost connection, from timeouts alone: this client does not report a closed peer."""
         if self._unanswered >= _UNANSWERED:
             return f"The arm has not answered {self._unanswered} calls for feedback over UDP, one after the other."
@@ -114,7 +114,7 @@ class OfficialLink:
         options = self._api.options(topic.call.timeout_s)
         self._invoke(topic.call, partial(method, keep, asked, options=options))
 
-    def told(self) -> list[object]:
+    def take_notifications(self) -> list[object]:
         """Notifications since the last call, in order."""
         return [self._told.popleft() for _ in range(len(self._told))]
 

@@ -51,7 +51,7 @@ class TcpTransport:
 
     def send(self, frame: KortexFrame) -> None:
         """Send a complete frame; other threads' frames wait for it."""
-        data = frame.framed()
+        data = frame.encode_for_stream()
         with self._sending:
             try:
                 self._socket.sendall(data)
@@ -107,7 +107,7 @@ class UdpTransport:
     def send(self, frame: KortexFrame) -> None:
         """Send a frame as one datagram."""
         try:
-            self._socket.send(frame.encoded())
+            self._socket.send(frame.encode())
         except OSError as error:
             raise LinkLost(f"A datagram to the arm could not be sent ({error}).") from None
 

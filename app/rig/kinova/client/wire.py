@@ -64,7 +64,7 @@ class KortexFrame:
     sub_error: int = 0
     payload: bytes = b""
 
-    def encoded(self) -> bytes:
+    def encode(self) -> bytes:
         """The frame as a datagram. Raises WireError where a number does not fit its bits."""
         header = _Header(
             frame_info=_pack(
@@ -80,9 +80,9 @@ class KortexFrame:
         )
         return encode(_Envelope(header=header, payload=self.payload))
 
-    def framed(self) -> bytes:
+    def encode_for_stream(self) -> bytes:
         """The frame as sent on a stream. Raises WireError where it is too long."""
-        data = self.encoded()
+        data = self.encode()
         if len(data) > LONGEST_FRAME:
             raise WireError(f"A frame of {len(data)} bytes is longer than {LONGEST_FRAME}; send less at once.")
         return MAGIC + struct.pack(">I", len(data)) + data

@@ -272,7 +272,7 @@ class FakeArm:
 
     def _standing(self) -> bool:
         """True where an action is paused and may go on."""
-        return isinstance(self._motion, AlongPath) and self._motion.paused and not self._stopping
+        return isinstance(self._motion, AlongPath) and self._motion.is_paused and not self._stopping
 
     def _step(self, motion: JointMotion, duration_s: float) -> None:
         moved = motion.advance(self.joints, duration_s)

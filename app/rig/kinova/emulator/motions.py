@@ -91,14 +91,14 @@ class AlongPath:
         self._rising = True
 
     @property
-    def paused(self) -> bool:
+    def is_paused(self) -> bool:
         """True while it is paused and may resume."""
         return not self._rising and self._rate == 0.0
 
     @property
     def over(self) -> bool:
         """True once at rest."""
-        return self.paused or (self._time_s >= self._end_s and self._settled)
+        return self.is_paused or (self._time_s >= self._end_s and self._settled)
 
     def _judge(self, joints: Joints, target: Transform, duration_s: float) -> None:
         """Update the settled state; raise Broken where the following error has lasted too long."""

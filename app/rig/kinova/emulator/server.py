@@ -91,7 +91,7 @@ class Server:
             return
         if adversity.delay_s:
             await asyncio.sleep(adversity.delay_s)
-        self._udp.sendto(answer.encoded(), address)
+        self._udp.sendto(answer.encode(), address)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve a connection until it ends or its data are not of this protocol."""
@@ -135,7 +135,7 @@ class Server:
 
     def _send(self, writer: asyncio.StreamWriter, frame: KortexFrame) -> None:
         if not writer.is_closing():
-            writer.write(frame.framed())
+            writer.write(frame.encode_for_stream())
 
     def _in_background(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)

@@ -40,12 +40,12 @@ class Feed:
         return cls(image_ring(body.color.width, body.color.height, kept=_KEPT))
 
     @property
-    def plugged(self) -> bool:
+    def is_plugged(self) -> bool:
         """True while the camera can be found; set it to pull its cable and to plug it in again."""
         return not self._unplugged.value
 
-    @plugged.setter
-    def plugged(self, plugged: bool) -> None:
+    @is_plugged.setter
+    def is_plugged(self, plugged: bool) -> None:
         self._unplugged.value = int(not plugged)
 
 
@@ -64,7 +64,7 @@ class Rendered:
 
     def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
         """Select a software camera that shows the images of the feed."""
-        if not self.feed.plugged:
+        if not self.feed.is_plugged:
             raise CameraAbsent(f"The rendered camera {self.serial!r} is unplugged.")
         camera = SoftwareCamera(opening.sdk.rs, self.body)
         opening.pipeline.set_device(camera.device)
@@ -91,7 +91,7 @@ def _feeding(camera: SoftwareCamera, feed: Feed) -> Generator[None]:
 def _feed(camera: SoftwareCamera, feed: Feed, over: threading.Event) -> None:
     shown = feed.images.count
     while not over.is_set():
-        if feed.images.count == shown or not feed.plugged:
+        if feed.images.count == shown or not feed.is_plugged:
             time.sleep(_POLL_S)
             continue
         shown, image = feed.images.count, feed.images.newest()

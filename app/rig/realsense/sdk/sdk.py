@@ -24,7 +24,7 @@ class Sdk:
     context: Any
 
     @classmethod
-    def loaded(cls) -> Self:
+    def load(cls) -> Self:
         """The SDK with a context of its own."""
         rs = load_realsense()
         return cls(rs=rs, context=rs.context())

@@ -7,21 +7,10 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.scene_description import (
-    Bowl,
-    Colour,
-    Finger,
-    Fixture,
-    Gripper,
-    HeldBowl,
-    Mat,
-    Obstacle,
-    Paddle,
-    Rack,
-    Stage,
-    Tool,
-    Vector,
-)
+from app.core.geometry.scene_description import Stage
+from app.core.geometry.shapes.base import Colour, Vector
+from app.core.geometry.shapes.fixtures import Bowl, Fixture, Mat, Obstacle, Rack
+from app.core.geometry.shapes.tools import HAND_DISTANCE_M, HANDLE_RADIUS_M, Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import ToolPose
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
@@ -30,8 +19,6 @@ from app.rig.simulated.worlds.world import Snapshot
 
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
 
-_FINGER_LENGTH_M = 0.10
-_HANDLE_M = 0.008
 _MAT_M = 0.0005
 """Drawn thickness of a mark on the table: less than the cameras' noise."""
 _WHITE: Colour = (0.82, 0.83, 0.85)
@@ -58,7 +45,7 @@ RODS = (
     TaperedRod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
     TaperedRod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
     TaperedRod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
-    TaperedRod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
+    TaperedRod(link=6, low=-0.03, high=HAND_M / 2 - HAND_DISTANCE_M, radius=0.032, colour=_DARK),
 )
 
 
@@ -120,22 +107,22 @@ def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:
     frame = np.eye(4)
     frame[:3, :3] = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
     frame[:3, 3] = pose[:3]
-    heights = np.array([-_FINGER_LENGTH_M, -paddle.half_m[2]])
-    return [box(paddle.half_m, frame, _DARK), body_of_revolution(heights, np.full(2, _HANDLE_M), tip, _DARK)]
+    heights = np.array([-HAND_DISTANCE_M, -paddle.half_m[2]])
+    return [box(paddle.half_m, frame, _DARK), body_of_revolution(heights, np.full(2, HANDLE_RADIUS_M), tip, _DARK)]
 
 
 def _finger(finger: Finger, tip: Frame) -> Surface:
     """The finger as simulated: a capsule whose lowest point is the tip (the tip's z axis points down)."""
     angle = np.radians([0.0, 25.0, 50.0, 75.0, 88.0])
     heights = finger.radius_m * (np.sin(angle) - 1.0)
-    heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
+    heights, radii = np.concatenate([[-HAND_DISTANCE_M], heights]), finger.radius_m * np.cos(angle)
     return body_of_revolution(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
 
 
 def _flat_finger(finger: Finger, tip: Frame) -> Surface:
     """The plate with round edges as simulated: the hull of a ball at both ends of its core, below and above."""
     middles = tip[:3, 3] - finger.radius_m * tip[:3, 2] + np.asarray(finger.ends_m())
-    top = middles - (_FINGER_LENGTH_M - finger.radius_m) * tip[:3, 2]
+    top = middles - (HAND_DISTANCE_M - finger.radius_m) * tip[:3, 2]
     return hull(np.concatenate([middles, top]), finger.radius_m, _DARK)
 
 

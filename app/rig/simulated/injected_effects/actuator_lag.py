@@ -27,7 +27,7 @@ def _drive(track: Track, values: Values) -> Track:
             u = (1 - share) * sampled.positions[index] + share * sampled.positions[index + 1]
             x = u + (x - u) * left
         positions.append(x)
-    return sampled.moved(np.array(positions))
+    return sampled.with_positions(np.array(positions))
 
 
 def _with_rest(track: Track, by_s: float) -> Track:

@@ -11,7 +11,7 @@ def _drive(track: Track, values: Values) -> Track:
     for index in range(1, len(positions)):
         wanted = positions[index, :2]
         positions[index, :2] = np.clip(positions[index - 1, :2], wanted - half, wanted + half)
-    return track.moved(positions)
+    return track.with_positions(positions)
 
 
 HIDDEN = Hidden(

@@ -8,7 +8,7 @@ from app.rig.simulated.injected_effects.base import Hidden, Values, components, 
 
 def _drive(track: Track, values: Values) -> Track:
     turns = Rotation.from_quat(track.poses[:, 3:], scalar_first=True)
-    return track.moved(track.positions + turns.apply(values))
+    return track.with_positions(track.positions + turns.apply(values))
 
 
 HIDDEN = Hidden(family="sensing", quantities=components("tcp", "xyz", "m", 0.003, 0.02), draw=spatial, drive=_drive)

@@ -13,7 +13,7 @@ def _drive(track: Track, values: Values) -> Track:
     positions = track.positions.copy()
     down = np.argmax(positions[:, 2] <= positions[:, 2].min() + _DOWN_M)
     positions[:, :2] -= values[0] * (positions[:, :2] - positions[down, :2])
-    return track.moved(positions)
+    return track.with_positions(positions)
 
 
 HIDDEN = Hidden(

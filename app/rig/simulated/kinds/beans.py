@@ -1,6 +1,7 @@
 """Beans that a paddle sweeps over the table."""
 
-from app.core.geometry.scene_description import Beans, Paddle, Stage
+from app.core.geometry.scene_description import Beans, Stage
+from app.core.geometry.shapes.tools import Paddle
 from app.rig.simulated.worlds.beans_world import BeansWorld
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.shapes import Surface, tube

@@ -1,6 +1,7 @@
 """A cloth that a gripper carries."""
 
-from app.core.geometry.scene_description import Cloth, Gripper, Stage
+from app.core.geometry.scene_description import Cloth, Stage
+from app.core.geometry.shapes.tools import Gripper
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.shapes import Surface, sheet

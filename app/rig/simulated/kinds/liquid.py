@@ -3,7 +3,8 @@
 import numpy as np
 
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import HeldBowl, Liquid, Soup, Stage
+from app.core.geometry.scene_description import Liquid, Soup, Stage
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.kind import Kind

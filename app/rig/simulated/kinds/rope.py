@@ -1,6 +1,8 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
-from app.core.geometry.scene_description import Finger, Obstacle, Rope, Stage
+from app.core.geometry.scene_description import Rope, Stage
+from app.core.geometry.shapes.fixtures import Obstacle
+from app.core.geometry.shapes.tools import Finger
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld

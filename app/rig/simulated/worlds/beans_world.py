@@ -6,7 +6,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.scene_description import Beans, Paddle
+from app.core.geometry.scene_description import Beans
+from app.core.geometry.shapes.tools import Paddle
 from app.core.motion import TOOL_DOWN, pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints

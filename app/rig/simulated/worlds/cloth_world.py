@@ -10,7 +10,9 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.geometry.scene_description import Cloth, Fixture, Gripper, Rack
+from app.core.geometry.scene_description import Cloth
+from app.core.geometry.shapes.fixtures import Fixture, Rack
+from app.core.geometry.shapes.tools import Gripper
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
@@ -72,7 +74,7 @@ class ClothWorld:
         return pose
 
     @property
-    def held(self) -> Bool[np.ndarray, " K"]:
+    def held_nodes(self) -> Bool[np.ndarray, " K"]:
         """Mask of the nodes that the fingers hold."""
         return self._data.eq_active.astype(bool)
 

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from app.core.geometry.finger_distance import from_core
-from app.core.geometry.scene_description import Finger, Rope
+from app.core.geometry.scene_description import Rope
+from app.core.geometry.shapes.tools import Finger
 from app.rig.simulated.injected_effects.base import InjectedEffect, Moment, Vectors
 from app.rig.simulated.worlds.physics import Position, WorldPhysics
 from app.rig.simulated.worlds.rope import hinge_owner

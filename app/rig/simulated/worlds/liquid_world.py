@@ -15,7 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import SimulationError
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
+from app.core.geometry.scene_description import Liquid, Soup, Stage
+from app.core.geometry.shapes.fixtures import Bowl, Mat, Obstacle
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints
@@ -98,13 +100,13 @@ class LiquidWorld:
     def place(self, tool: ToolPose) -> None:
         """Move the bowl to `tool` with its content; no time passes."""
         x = self.nodes()
-        inside = self.held(x)
+        inside = self.is_held(x)
         before, after = (Rotation.from_quat(pose[3:7], scalar_first=True) for pose in (self._tool, tool))
         x[inside] = (after * before.inv()).apply(x[inside] - self._tool[:3]) + tool[:3]
         self._state = self._state._replace(x=jnp.asarray(x[None], jnp.float32))
         self._tool = np.array(tool, np.float64)
 
-    def held(self, x: Nodes) -> np.ndarray:
+    def is_held(self, x: Nodes) -> np.ndarray:
         """Mask of the points in the held bowl's ball."""
         return np.linalg.norm(x - self._tool[:3], axis=1) < self._held.radius_m + self._held.thickness_m
 

@@ -6,7 +6,9 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.scene_description import Finger, Obstacle, Rope
+from app.core.geometry.scene_description import Rope
+from app.core.geometry.shapes.fixtures import Obstacle
+from app.core.geometry.shapes.tools import Finger
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.worlds.arm_model import solve_joints

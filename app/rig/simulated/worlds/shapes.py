@@ -8,7 +8,7 @@ from jaxtyping import Float32, Float64, Int, UInt32
 from scipy.interpolate import CubicSpline
 from scipy.spatial import ConvexHull
 
-from app.core.geometry.scene_description import Colour, Vector
+from app.core.geometry.shapes.base import Colour, Vector
 
 Vertices: TypeAlias = Float32[np.ndarray, "V 3"]
 Triangles: TypeAlias = UInt32[np.ndarray, "F 3"]

@@ -59,7 +59,7 @@ class CentrelineQuality:
     rival: Float64[np.ndarray, "n 2"] | None
     problems: tuple[str, ...]
 
-    def checked(self) -> Float64[np.ndarray, "n 2"]:
+    def valid_line(self) -> Float64[np.ndarray, "n 2"]:
         """The centreline (n, 2) [m]. Raises PerceptionError with the gravest problem, where there is one."""
         if self.problems:
             raise PerceptionError(self.problems[0])
@@ -73,7 +73,7 @@ def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
     """
     prior = None if near is None or not near.size else near.T.astype(np.float64)
     try:
-        assess(x, rope, prior).checked()
+        assess(x, rope, prior).valid_line()
     except PerceptionError as error:
         return str(error)
     return ""

@@ -1,0 +1,45 @@
+"""Geometry that every tool and every fixture gives of itself.
+
+A class of `tools.py` or `fixtures.py` is all that perception, goals and the arm's shape need of a new kind. A simulated
+world or a picture that makes something of its own of it, in `app/rig/simulated`, asks for its type.
+"""
+
+from typing import ClassVar, Protocol, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool
+
+from app.core.geometry.shapes.hulls import Corners
+from app.core.geometry.shapes.outlines import Outline
+from app.core.types import Cloud, ToolPose
+
+Colour: TypeAlias = tuple[float, float, float]
+"""RGB albedo in 0..1."""
+Vector: TypeAlias = tuple[float, float, float]
+
+
+class ToolGeometry(Protocol):
+    """Geometry of a kind of tool at its pose in the world."""
+
+    has_shank: ClassVar[bool]
+    """True for a tool that a closed gripper holds by a shank, out of the object's way; False for one whose holder is
+    near the object, which must stay visible, or is the tool."""
+
+    def hulls(self, at: ToolPose, margin_m: float) -> list[Corners]:
+        """Convex parts that cameras take for the object, larger by the margin on every side.
+
+        Parts that hold the object have no margin, and a part in which it lies is left out: the object stays visible.
+        """
+        ...
+
+    def outline(self, at: ToolPose) -> Outline | None:
+        """Outline by which the tool pushes an object that lies on the table; None for a tool that holds the object."""
+        ...
+
+
+class FixtureGeometry(Protocol):
+    """Geometry of a kind of fixture, which stands where it is."""
+
+    def contains(self, points: Cloud, margin_m: float) -> Bool[np.ndarray, " M"]:
+        """Mask of the points (M, 3) [m] that lie deeper than `margin_m` inside the solid."""
+        ...
