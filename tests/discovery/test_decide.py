@@ -27,6 +27,14 @@ def test_a_weak_cause_makes_left_out_episodes_more_likely(size: float) -> None:
     assert is_earned(held)
 
 
+def test_a_cause_that_every_episode_shows_is_earned_however_well_the_null_hypothesis_could_learn_it() -> None:
+    found, suspect = with_cause(1.3)
+    loose = replace(found, prior=replace(found.prior, variance=np.maximum(found.prior.variance, 0.1**2)))
+    held = held_out_gain_of_linear(loose, suspect)
+    assert is_earned(held)
+    assert held.gain > 0.5 * suspect.finding.log_bayes / len(np.unique(found.data.episode))
+
+
 def test_a_cause_that_is_absent_does_not() -> None:
     assert not is_earned(held_out_gain_of_linear(*with_cause(0.0)))
 

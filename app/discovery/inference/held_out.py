@@ -37,11 +37,13 @@ def held_out_gain(simpler: tuple[Residuals, Prior], model: RefinedModel) -> Held
 def held_out_gain_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
     """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
 
-    Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
+    Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does. The nominal model
+    has nothing of the cause, and learns nothing of it: what is there by a hundred standard deviations, the null
+    hypothesis would find in other episodes, too, however small it takes it to be.
     """
-    data, nothing = screening.data, screening.prior
-    present = nothing.wider(suspect.columns)
-    return _held_out_gain((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
+    data, usual = screening.data, screening.prior
+    absent, present = usual.without(suspect.columns), usual.wider(suspect.columns)
+    return _held_out_gain((data, absent), (data, present), (None, screening.weighing.nothing.covariances))
 
 
 def _held_out_gain(

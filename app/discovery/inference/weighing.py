@@ -34,6 +34,8 @@ Z90 = 1.645
 CALIBRATED = 10.0
 """Prior deviation of the calibrated parameters, whose step is 30 %: practically flat."""
 NUMERIC = 1.0
+_HELD = 1e-9
+"""Prior variance of what no datum changes."""
 _LEARNT = 12
 """Hypotheses, the likeliest with a noise that is known, for which it is learnt anew."""
 _AGAIN = 2
@@ -53,6 +55,12 @@ class Prior:
         """The prior if the cause with these columns is present."""
         variance = self.variance.copy()
         variance[list(columns)] += 1.0
+        return replace(self, variance=variance)
+
+    def without(self, columns: Sequence[int]) -> "Prior":
+        """The prior if these columns are what they are usually where nothing is missing, and no datum changes that."""
+        variance = self.variance.copy()
+        variance[list(columns)] = _HELD
         return replace(self, variance=variance)
 
 
