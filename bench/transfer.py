@@ -65,7 +65,7 @@ def picture(
     """
     task, known = load(TASK), load_model(model, task=TASK, time_s=0.0) if model else nominal_model(TASK)
     rod = images / f"{TASK}-rod.png"
-    print(f"{rod}: {save(of_policy(task.demonstrated, seed, camera), shown, rod)} pushes")
+    print(f"{rod}: {save(of_policy(task.demonstration_task, seed, camera), shown, rod)} pushes")
     rope = images / f"{TASK}.png"
     seen = _seen(DIPAC, known, seed, camera)
     print(f"{rope}: {save(seen, shown, rope)} pushes")

@@ -56,6 +56,26 @@ MATCHES_SHAPES = {
 }
 """Modules that ask for the type of a tool or fixture: they build simulated worlds or pictures of it, and a task says
 which of its tools is a finger. The list gets shorter alone: geometry is a method of the shape."""
+PARTICIPLE = re.compile(
+    r"[a-z]+ed|begun|bent|bound|bought|built|caught|chosen|dealt|done|drawn|driven|felt|found|frozen|given|gone|grown"
+    r"|heard|held|hidden|kept|known|laid|left|lent|lit|lost|made|meant|met|paid|said|seen|sent|shown|spoken|stood"
+    r"|stolen|struck|taken|taught|thrown|told|torn|understood|withdrawn|won|worn|wound|woken|written"
+)
+NO_PARTICIPLES = {"embed", "exceed", "feed", "need", "proceed", "seed", "shed", "speed"}
+PARTICIPLES = {
+    "app/arm/control.py": {"commanded", "measured"},
+    "app/arm/process_arm.py": {"held"},
+    "app/cells/rehearsal.py": {"simulated"},
+    "app/core/messages.py": {"chosen", "made"},
+    "app/core/ports.py": {"held", "kept", "simulated"},
+    "app/recording/exchange/calibration_file.py": {"kept"},
+    "app/recording/exchange/npz_import.py": {"mapped"},
+    "app/recording/library/label.py": {"written"},
+    "app/recording/library/recording_index.py": {"said"},
+    "app/recording/library/session_recorder.py": {"written"},
+    "app/rig/simulated/rig.py": {"simulated"},
+}
+"""Public functions and methods that are called by a participle alone; the list gets shorter alone."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -137,6 +157,25 @@ def test_a_public_class_name_is_defined_once():
                 files[node.name].append(name(file))
     several = {key: where for key, where in files.items() if len(where) > 1}
     assert not several, "give the less central of them a more specific name, in the field's words"
+
+
+def is_participle(word: str) -> bool:
+    """True for a single word that is a participle, as far as its ending or the list of irregular ones tells."""
+    return word not in NO_PARTICIPLES and PARTICIPLE.fullmatch(word) is not None
+
+
+@pytest.mark.parametrize("file", MODULES, ids=name)
+def test_functions_and_methods_are_verbs_or_nouns_of_what_they_return(file):
+    module = tree(file)
+    classes = (node.body for node in ast.walk(module) if isinstance(node, ast.ClassDef))
+    functions = (
+        node
+        for body in [module.body, *classes]
+        for node in body
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+    )
+    found = {function.name for function in functions if is_participle(function.name)}
+    assert found == PARTICIPLES.get(name(file), set()), "name it by what it does, or by what it returns"
 
 
 @pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/session")], ids=name)

@@ -85,7 +85,7 @@ class RunOptions:
         """The model file to start from: that of the case if none is named."""
         return self.options.model or (self.case / MODEL if self.case else None)
 
-    def wanted(self, task: Task, site: Site) -> Wanted:
+    def cell_options(self, task: Task, site: Site) -> Wanted:
         """Settings for opening the cell."""
         seed = self.options.seed
         return Wanted(
@@ -192,7 +192,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
-            cell(options.rig, order.wanted(task, site), tls, f"dipac {task.name}", output) as (rig, console),
+            cell(options.rig, order.cell_options(task, site), tls, f"dipac {task.name}", output) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),

@@ -136,7 +136,7 @@ async def _play(player: Player, film: Playable, console: Console) -> None:
 async def _plan_again(player: Player, plan: Plan) -> None:
     """Plan one order after the other; failures are reported to the operator who asked."""
     while True:
-        order = player.ordered()
+        order = player.pending_request()
         if order is None:
             await anyio.sleep(_ASKED_PERIOD_S)
             continue

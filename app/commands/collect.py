@@ -62,7 +62,7 @@ def collect(
     full = full_name(task, dynamics=dynamics)
     task = load(full).recorded_name
     load(full).preset(size)
-    load(full).demonstrated.stage.in_world(world)
+    load(full).demonstration_task.stage.in_world(world)
     folder = output or Path("recordings") / task
     make_folder(folder, "-o")
     kept = met = actions = 0

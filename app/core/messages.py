@@ -204,7 +204,7 @@ class Proposal(Message):
         return not self.chosen.cost_after >= 0.0
 
     @property
-    def dropped(self) -> int:
+    def dropped_count(self) -> int:
         """Number of branches that became non-finite."""
         return sum(not branch.finite for branch in self.branches)
 

@@ -52,7 +52,7 @@ def demonstrations(
     task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted", world: RopeModel = "chain"
 ) -> Iterator[Demonstration]:
     """Each episode of the expert, in the order of the seeds; of its training variant, where the task has one."""
-    known = load(task).demonstrated
+    known = load(task).demonstration_task
     known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:
         steps = list[EpisodeStep]()
@@ -119,7 +119,7 @@ def _messages(shown: Demonstration) -> Iterator[Message]:
             yield from later.frames
         yield step.after
         yield step.transition
-        yield summary.scored(
+        yield summary.score(
             step.proposal, step.before, executed, step.after, config.target, now_s=step.transition.time_s
         )
 

@@ -40,7 +40,7 @@ class Approving:
         self._gate.show(None)
         self.proposals.put(proposal)
         asked = self._store.state.interruptions
-        with self._store.uninterrupted(self._oldest_s):
+        with self._store.until_interrupted(self._oldest_s):
             async for _ in self._sensing.particles.changes():
                 if self.moved_away(proposal):
                     return
@@ -56,7 +56,7 @@ class Approving:
         asked = self._store.dispatch(Offer(proposal)).interruptions
         heeded: Decision | None = None
         try:
-            with self._store.uninterrupted(self._oldest_s) as waiting:
+            with self._store.until_interrupted(self._oldest_s) as waiting:
                 decision = await self._decision(proposal)
                 if not waiting.cancel_called:
                     heeded = decision

@@ -98,7 +98,7 @@ class Sensing:
             stages.start_soon(self._following.run)
             stages.start_soon(self._reconstruct)
 
-    async def settled(self, *, due_s: float) -> Particles:
+    async def next_particles(self, *, due_s: float) -> Particles:
         """The first particles whose every frame was taken at `due_s` [s] or later. Raises DeviceError without any."""
         with self._clock.move_on_after(_OBSERVE_DEADLINE_S):
             async for particles in self.particles.changes():

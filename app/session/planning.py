@@ -85,7 +85,7 @@ class Planning:
 
     def on_decision(self, proposal: Proposal, *, approved: bool) -> None:
         """React to a decision. A rejected plan is not proposed again before something has moved."""
-        self._asking.answered()
+        self._asking.drop_offered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
         if approved:
             self._near = None
@@ -107,7 +107,7 @@ class Planning:
         """Forget rejected and changed plans: the object may have moved, or the goal is another."""
         self._rejected, self._changed = (), None
 
-    async def changed(
+    async def edit(
         self, config: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model
     ) -> Proposal | None:
         """The plan that is shown with the requested change; None if it is infeasible, which is announced."""

@@ -186,7 +186,7 @@ def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
     state = replace(state, futile=state.futile % FUTILE_PLANS + 1)
     said = "The best motion found is no better than none, by the model; it is not made."
     notice = Announce("plan", said, (event.proposal.id,))
-    if not state.exhausted:
+    if not state.is_exhausted:
         return Reduced(state, (notice,))
     state, commands = _leave_off(state, _EXHAUSTED)
     return Reduced(state, (notice, *commands))

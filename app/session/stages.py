@@ -117,7 +117,7 @@ class SessionStages:
             after = self._observed = await self._look()
             parts.planning.keep_prediction(proposal)
             now_s = parts.clock.now()
-            parts.announcer.say(parts.summary.scored(proposal, before, executed, after, target, now_s=now_s))
+            parts.announcer.say(parts.summary.score(proposal, before, executed, after, target, now_s=now_s))
             if self._store.state.config.answering:
                 transition, model = self._note_transition(before, executed, after), self._store.state.model
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
@@ -175,7 +175,7 @@ class SessionStages:
         """Publish the transition, and note it where it counts at once."""
         parts = self._parts
         transition = parts.announcer.say(Transition.between(before, executed, after, time_s=parts.clock.now()))
-        parts.demonstrating.learned(transition)
+        parts.demonstrating.count(transition)
         parts.planning.note_transition(transition, self._store.state.model_in_use)
         return transition
 
@@ -184,7 +184,7 @@ class SessionStages:
         parts = self._parts
         parts.reporting.do("looking at the object")
         due_s = max(self._touched_s, self._store.state.resumed_s) + parts.site.timing.settle_s
-        observed = await parts.sensing.settled(due_s=due_s)
+        observed = await parts.sensing.next_particles(due_s=due_s)
         parts.summary.saw(observed, self._store.state.config.target)
         return observed
 
@@ -201,7 +201,7 @@ class SessionStages:
         config = self._store.state.config
         weighs = config.task.at_rest and not config.method.alone
         worth = not weighs or proposal.is_improvement or brings_nearer(proposal, config.target)
-        if self._store.dispatch(PlanAssessment(proposal, worth)).exhausted:
+        if self._store.dispatch(PlanAssessment(proposal, worth)).is_exhausted:
             self._parts.summary.exhausted = True
         return worth
 

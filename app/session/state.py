@@ -82,7 +82,7 @@ class SessionState:
         return self.pending if self.pending is not None and self.pending.id == proposal_id else None
 
     @property
-    def exhausted(self) -> bool:
+    def is_exhausted(self) -> bool:
         """True after so many plans in a row that were no better than no motion."""
         return self.futile >= FUTILE_PLANS
 

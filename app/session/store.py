@@ -48,7 +48,7 @@ class SessionStore:
             await self._changed.wait()
 
     @contextmanager
-    def uninterrupted(self, at_most_s: float | None = None) -> Generator[anyio.CancelScope]:
+    def until_interrupted(self, at_most_s: float | None = None) -> Generator[anyio.CancelScope]:
         """Cancel scope that ends when plans become void, or after so long."""
         asked = self.state.interruptions
         with self._while(lambda state: state.interruptions == asked, at_most_s) as scope:

@@ -55,7 +55,7 @@ class Probing:
         """True if further pushes are chosen."""
         return self._experiment is not None
 
-    def asked(self, request: ProbeRequest, interrupt: Callable[[str], object]) -> None:
+    def handle(self, request: ProbeRequest, interrupt: Callable[[str], object]) -> None:
         """Begin an experiment of so many pushes more, or end it; `interrupt` voids the plan shown, with the reason."""
         if request.pushes <= 0:
             self._experiment = None
@@ -148,7 +148,7 @@ class Asking:
         self._announcer, self._planner = announcer, planner
         self._motions, self._probing = config.asked, probing
 
-    def answered(self) -> None:
+    def drop_offered(self) -> None:
         """The one that was offered has been decided on, and is not offered again."""
         self._motions = self._motions[1:]
 
@@ -173,7 +173,7 @@ class Asking:
                 plan_of_suggestion, self._task, x, goal, model, motion, self._site, near, orientation
             )
         except (PlanningError, WorkerError) as error:
-            self.answered()
+            self.drop_offered()
             self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")
             return None
         self._announcer.notice("discovery", _about(motion, found.motion))

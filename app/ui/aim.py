@@ -39,7 +39,7 @@ class TargetHandle:
 
     def paint(self, state: ConsoleState) -> None:
         """Show or hide it; put it back where an operator dragged it without permission."""
-        shown = state.teleoperated
+        shown = state.is_teleoperated
         if shown and not self._handle.visible and state.arm is not None:
             self._set_position(state.arm.pose[:3])
         if shown != self._handle.visible:

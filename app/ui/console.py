@@ -213,9 +213,9 @@ def _greet(
     def left(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"
         session_keys.revoke(name)
-        controller.left(name)
+        controller.on_disconnect(name)
         if line is not None:
-            line.left(name)
+            line.disconnect(name)
 
     server.on_client_connect(came)
     server.on_client_disconnect(left)

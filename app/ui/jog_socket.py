@@ -71,7 +71,7 @@ class JogSocket:
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None
 
-    def left(self, operator: str) -> None:
+    def disconnect(self, operator: str) -> None:
         """Close the connection of a browser that has left. From any thread."""
         websocket = self._open.get(operator)
         if websocket is not None and self._loop is not None:

@@ -59,7 +59,7 @@ class Playback:
         if (speed := _speed_name(where.speed)) != self._speed.value and speed in SPEEDS:
             self._speed.value = speed
         self._card.put(replanning.card(self._player.replanned, self._player.said))
-        if self._again.disabled != (busy := self._player.ordered() is not None):
+        if self._again.disabled != (busy := self._player.pending_request() is not None):
             self._again.disabled = busy
 
     def _build_transport(self, reel: Reel) -> None:

@@ -126,7 +126,7 @@ class Player:
                 self._order, self._playing = order, False
                 self.said, self.replanned = "Starting the planner.", None
 
-    def ordered(self) -> ReplanRequest | None:
+    def pending_request(self) -> ReplanRequest | None:
         """The requested plan, waiting or being made."""
         return self._order
 

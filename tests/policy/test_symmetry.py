@@ -67,7 +67,7 @@ def test_a_moved_action_moves_the_tool_along_the_moved_way(name: str) -> None:
 
 @pytest.mark.parametrize("name", names())
 def test_the_scripted_expert_does_alike_what_is_moved_by_a_symmetry_of_its_task(name: str) -> None:
-    task = load(name).demonstrated
+    task = load(name).demonstration_task
     count = task.preset("cpu").particle_count
     x = task.particles(task.start(3), count)
     goal = task.goal(3, count)

@@ -64,7 +64,7 @@ class Session:
         request = CalibrationRequest(
             id=fresh_id("request"), time_s=time.monotonic(), operator="client 0", act=act, camera=camera
         )
-        await self.stage.asked(request, "teleoperate")
+        await self.stage.handle(request, "teleoperate")
         said: list[Message] = [message for message in self.shown.seen if isinstance(message, Placing | Notice)]
         assert isinstance(said[-1], Placing), said[-1]
         return said[-1]

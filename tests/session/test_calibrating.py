@@ -105,7 +105,7 @@ class Calibrated:
         request = CalibrationRequest(
             id=fresh_id("request"), time_s=anyio.current_time(), operator="client 1", act=act, camera=camera
         )
-        await self.stage.asked(request, mode)
+        await self.stage.handle(request, mode)
         return [message for message in self.seen if isinstance(message, Placing | Notice)][-1]
 
     async def says(self, act: CalibrationAct, **how) -> Placing:

@@ -66,7 +66,7 @@ async def changed(asked: EditRequest, shown: Shown, tmp_path: Path) -> Proposal 
         planning = Planning(WISH, planner, site, probing, announcer, clock)
         with anyio.fail_after(300):
             observed = synthetic.particles(OBSERVED)
-            return await planning.changed(WISH, asked, PROPOSAL, observed, nominal_model("rope_push"))
+            return await planning.edit(WISH, asked, PROPOSAL, observed, nominal_model("rope_push"))
 
 
 async def test_a_change_of_the_plan_that_is_shown_is_simulated(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
                 commanded=track.poses,
                 measured=track.poses,
             )
-            asking.answered()
+            asking.drop_offered()
             assert probing.conclusion() == ""
             transition = Transition.between(before, executed, after)
             await probing.put(transition, before, after, lambda _: None)

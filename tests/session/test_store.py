@@ -35,7 +35,7 @@ def store_of(begin: SessionState, screen: Screen | None = None) -> SessionStore:
 
 async def test_a_stop_cancels_what_is_under_way_even_if_it_cannot_be_told():
     store = store_of(state(), Screen(broken=True))
-    with store.uninterrupted() as scope:
+    with store.until_interrupted() as scope:
         with pytest.raises(DeviceError):
             store.dispatch(stop())
         assert scope.cancel_called
@@ -55,11 +55,11 @@ async def test_who_waits_for_a_state_is_woken_by_the_event_that_brings_it():
 
 async def test_a_wait_that_grows_old_is_told_from_one_that_is_interrupted():
     store = store_of(state())
-    with store.uninterrupted(at_most_s=5.0) as old:
+    with store.until_interrupted(at_most_s=5.0) as old:
         await anyio.sleep_forever()
     assert old.cancelled_caught
     assert store.state.interruptions == 0
-    with store.uninterrupted(at_most_s=5.0) as interrupted:
+    with store.until_interrupted(at_most_s=5.0) as interrupted:
         store.dispatch(Interruption("was made for another goal"))
         await anyio.sleep_forever()
     assert interrupted.cancelled_caught
@@ -79,7 +79,7 @@ async def test_a_mode_that_is_left_and_chosen_again_has_ended():
 
 async def test_what_is_over_is_not_cancelled_any_more():
     store = store_of(state())
-    with store.uninterrupted() as scope:
+    with store.until_interrupted() as scope:
         pass
     store.dispatch(stop())
     assert not scope.cancel_called

@@ -55,7 +55,7 @@ def test_the_world_s_blocks_are_the_simulator_s_walls() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_objects_start_in_front_of_the_wall_and_shall_end_behind_it(seed: int) -> None:
-    for task in (TASK, TASK.demonstrated):
+    for task in (TASK, TASK.demonstration_task):
         start, goal = TASK.particles(task.start(seed), 60), task.goal(seed, 60)
         assert task.success.share(start, goal) == 0
         assert task.success.share(goal, goal) == 1
@@ -64,9 +64,9 @@ def test_objects_start_in_front_of_the_wall_and_shall_end_behind_it(seed: int) -
 
 
 def test_the_lesson_is_the_same_task_with_a_rod() -> None:
-    assert TASK.demonstrated.stage.body == replace(ROPE, rigid=True)
-    assert TASK.demonstrated.scene == TASK.scene
-    start = TASK.demonstrated.start(3)
+    assert TASK.demonstration_task.stage.body == replace(ROPE, rigid=True)
+    assert TASK.demonstration_task.scene == TASK.scene
+    start = TASK.demonstration_task.start(3)
     assert np.linalg.norm(start[-1] - start[0]) == pytest.approx(ROPE.length_m, rel=1e-6)
 
 

@@ -70,9 +70,9 @@ def test_an_executed_motion_ends_what_was_pending():
 def test_stop_and_resume_hold_by_their_times_in_whatever_order_their_echoes_come():
     first, second, last = stop(1.0), resume(2.0), stop(3.0)
     for order in itertools.permutations((first, second, last)):
-        assert state_after(*order, *order).stopped
+        assert state_after(*order, *order).is_stopped
     for order in itertools.permutations((first, second)):
-        assert not state_after(*order, *order).stopped
+        assert not state_after(*order, *order).is_stopped
 
 
 def test_nothing_can_be_decided_while_stopped_and_again_after_resuming():
@@ -86,8 +86,8 @@ def test_nothing_can_be_decided_while_stopped_and_again_after_resuming():
     [("idle", False), ("moving", False), ("stopping", True), ("stopped", True), ("fault", True)],
 )
 def test_a_stop_made_elsewhere_is_seen_at_the_arm(mode: ArmMode, stopped: bool):
-    assert state_after(synthetic.arm(mode)).stopped is stopped
-    assert state_after(synthetic.health(arm_mode=mode)).stopped is stopped
+    assert state_after(synthetic.arm(mode)).is_stopped is stopped
+    assert state_after(synthetic.health(arm_mode=mode)).is_stopped is stopped
 
 
 def test_the_newer_of_two_reports_says_what_mode_the_arm_is_in():

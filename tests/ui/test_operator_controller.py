@@ -155,7 +155,7 @@ def test_everybody_may_stop_whoever_has_control():
     assert isinstance(program.requests[-1], StopRequest)
     program.controller.resume("client 1")
     assert isinstance(program.requests[-1], Notice)
-    assert program.controller.state.stopped
+    assert program.controller.state.is_stopped
 
 
 def test_control_is_given_back_left_behind_or_taken_from_who_does_not_use_it():
@@ -168,9 +168,9 @@ def test_control_is_given_back_left_behind_or_taken_from_who_does_not_use_it():
     assert program.controller.state.holder == "client 0"
     program.controller.release("client 0")
     program.controller.take("client 1")
-    program.controller.left("client 0")
+    program.controller.on_disconnect("client 0")
     assert program.controller.state.holder == "client 1"
-    program.controller.left("client 1")
+    program.controller.on_disconnect("client 1")
     assert program.controller.state.holder == ""
     program.controller.take("client 2")
     now_s = 59.0
@@ -224,7 +224,7 @@ def test_the_echo_of_a_lease_that_has_ended_gives_nothing_back():
 def test_a_press_that_comes_after_its_browser_has_left_does_nothing():
     program = Program()
     program.controller.show(PROPOSAL)
-    program.controller.left("client 0")
+    program.controller.on_disconnect("client 0")
     program.controller.decide(PROPOSAL, approve=True, operator="client 0")
     program.controller.take("client 0")
     assert program.heard == []
@@ -310,7 +310,7 @@ def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing
     controller.show(synthetic.arm("moving"))
     controller.show(synthetic.mode("approve each"))
     assert controller.blocked_reason("me") == "choose the mode By hand first"
-    controller.left("me")
+    controller.on_disconnect("me")
     assert controller.blocked_reason("me") == "me has left"
     controller.show(Fault(id=fresh_id("fault"), time_s=0.0, where="episode", text="over", fatal=True))
     assert controller.blocked_reason("you") == "the program has ended"
@@ -343,7 +343,7 @@ def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_sho
     controller.decide(pending, approve=True, operator="client 0")
     controller.take("client 0")
     controller.stop("client 0")
-    controller.left("client 0")
+    controller.on_disconnect("client 0")
     assert (posted, stopped) == ([], [])
     goal = synthetic.goal()
     controller.reset([goal])

@@ -81,11 +81,11 @@ def test_what_was_planned_again_is_shown_until_it_goes_on():
     player.advance(0.0)
     player.order(ReplanRequest(time_s=4.0))
     player.order(ReplanRequest(time_s=9.0))
-    assert player.ordered() == ReplanRequest(time_s=4.0)
+    assert player.pending_request() == ReplanRequest(time_s=4.0)
     assert not player.where.playing
     player.jump(9.0)
     player.answer("Planned.", Replanned(then=None, again=again, model="version 1"))
-    assert player.ordered() is None
+    assert player.pending_request() is None
     where = player.advance(1.0)
     assert (where.time_s, where.jumped, where.besides) == (4.0, True, (again,))
     player.toggle()
@@ -98,7 +98,7 @@ def test_an_error_takes_the_place_of_a_plan_and_another_may_be_asked_for():
     player.order(ReplanRequest(time_s=0.0))
     player.tell("Compiling.")
     player.answer("No such model.")
-    assert (player.said, player.replanned, player.ordered()) == ("No such model.", None, None)
+    assert (player.said, player.replanned, player.pending_request()) == ("No such model.", None, None)
 
 
 def moved(proposal: Proposal, by_m: tuple[float, float, float]) -> Proposal:

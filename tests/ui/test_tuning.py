@@ -35,7 +35,7 @@ def tuning(server: ViserServer) -> Tuning:
 def test_the_sliders_follow_what_is_in_use_also_through_red(tuning: Tuning):
     assert tuning.paint(state_after()) is None
     assert tuning.paint(state_after(synthetic.seen(LEFT, colour=RED))) is None
-    assert tuning.wanted == RED
+    assert tuning.colour_range == RED
 
 
 def test_what_is_moved_is_previewed_until_it_is_in_use(tuning: Tuning):
@@ -52,5 +52,5 @@ def test_what_is_no_range_is_neither_previewed_nor_asked_for(tuning: Tuning, sai
     state = state_after(synthetic.seen(LEFT, colour=RED))
     tuning.paint(state)
     tuning._saturation.value = said
-    assert tuning.wanted is None
+    assert tuning.colour_range is None
     assert tuning.paint(state) is None

@@ -48,7 +48,7 @@ class Summary:
         if not self.chamfer_m2:
             self.chamfer_m2.append(self.last_chamfer_m2)
 
-    def scored(
+    def score(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points, *, now_s: float
     ) -> Outcome:
         """Append one push and return its outcome: `before` is the observation its approval was checked against."""

@@ -77,7 +77,7 @@ class Calibrating:
                         break
                     await self._look(frame, target)
 
-    async def asked(self, request: CalibrationRequest, mode: ModeName) -> None:
+    async def handle(self, request: CalibrationRequest, mode: ModeName) -> None:
         """Execute a request, or say why not."""
         try:
             await self._do(request, mode)

@@ -56,15 +56,15 @@ class Chores:
                 case ModelRequest():
                     await self._use(chore)
                 case ProbeRequest():
-                    self._parts.probing.asked(chore, lambda why: self._store.dispatch(Interruption(why)))
+                    self._parts.probing.handle(chore, lambda why: self._store.dispatch(Interruption(why)))
                 case ColourRequest():
                     self._parts.sensing.recolour(chore)
                 case CalibrationRequest():
-                    await self._parts.calibrating.asked(chore, self._store.state.mode)
+                    await self._parts.calibrating.handle(chore, self._store.state.mode)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
         how, state = self._parts.sensing.seeing.how, self._store.state
-        if config := await self._parts.aiming.aimed(state.config, request, how, state.model):
+        if config := await self._parts.aiming.choose_goal(state.config, request, how, state.model):
             self._parts.planning.forget()
             self._store.dispatch(Reconfiguration(config, "is for another goal"))
 
@@ -74,7 +74,7 @@ class Chores:
         seen, shown = parts.sensing.particles.value, state.shown_plan(request.proposal_id)
         if seen is None or shown is None:
             return
-        changed = await parts.planning.changed(state.config, request, shown, seen, state.model_in_use)
+        changed = await parts.planning.edit(state.config, request, shown, seen, state.model_in_use)
         if changed is not None and self._store.state.shown_plan(shown.id):
             state = self._store.dispatch(Interruption("is offered as you changed it"))
             parts.planning.offer_next(changed, state.interruptions)
@@ -91,7 +91,7 @@ class Chores:
         parts = self._parts
         if request.act != "discard":
             await until_at_rest(parts.rig.arm, parts.site.timing, parts.clock, acts=lambda: self._stages.acts)
-        await parts.demonstrating.asked(request, self._opening_messages)
+        await parts.demonstrating.handle(request, self._opening_messages)
 
     def _opening_messages(self) -> list[Message]:
         """Messages at the beginning of a recording that make it complete by itself."""

@@ -21,7 +21,7 @@ class Demonstrating:
         self._number = self._succeeded = self._transitions = 0
         self._path: Path | None = None
 
-    async def asked(self, request: TakeRequest, opening: Callable[[], Sequence[Message]]) -> None:
+    async def handle(self, request: TakeRequest, opening: Callable[[], Sequence[Message]]) -> None:
         """Execute a request; `opening`: the first messages of a new file."""
         studio = self._studio
         if studio is None:
@@ -54,7 +54,7 @@ class Demonstrating:
         else:
             self._announcer.notice("clip", f"The last {request.duration_s:.0f} s are kept in {path}.", request.id)
 
-    def learned(self, transition: Transition) -> None:
+    def count(self, transition: Transition) -> None:
         """Count what was demonstrated."""
         if self._path is not None:
             self._transitions += 1

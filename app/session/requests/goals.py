@@ -38,7 +38,7 @@ class Aiming:
         self._announcer, self._clock, self._site = announcer, clock, site
         self._perceiver, self._cameras = perceiver, cameras
 
-    async def aimed(
+    async def choose_goal(
         self, config: EpisodeConfig, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
     ) -> EpisodeConfig | None:
         """The configuration with the requested goal, which has been published; None if it is invalid.

@@ -233,7 +233,7 @@ class Task:
         )
 
     @property
-    def demonstrated(self) -> Task:
+    def demonstration_task(self) -> Task:
         """The task that the expert demonstrates: itself, or its training variant."""
         if self.training_variant is None:
             return self

@@ -41,12 +41,12 @@ def _mode(state: ConsoleState, now_s: float) -> tuple[str, str, Tone]:
         return "Fault: the program has ended", state.fatal.text, "bad"
     if state.arm_mode == "fault":
         return "Fault at the arm", (state.arm.reason if state.arm else "") or "Resume lifts it.", "bad"
-    if state.stopped:
+    if state.is_stopped:
         why = f"{state.arm.reason} " if state.arm and state.arm.reason else ""
         return "Stopped", f"{why}The arm holds still. Clear the workspace, then press Resume.", "bad"
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
-    if not state.cleared:
+    if not state.is_cleared:
         return "The checklist comes first", "Nothing moves before it is complete: it is below.", "ask"
     if state.mode_now == "plan only" and state.pending is not None:
         return "A plan to look at", "Nothing moves in this mode.", ""
@@ -76,7 +76,7 @@ def _replay_activity(state: ConsoleState) -> tuple[str, str, Tone]:
     doing = words.sentence(state.health.doing) if state.health else "Recorded without a word on what was being done"
     if state.fatal is not None:
         return "Fault: the program had ended", state.fatal.text, "bad"
-    if state.stopped:
+    if state.is_stopped:
         return "Stopped", (state.arm.reason if state.arm else "") or doing, "bad"
     if state.arm_mode == "moving":
         return doing, "The arm was moving.", "go"
@@ -145,8 +145,8 @@ def _plan_rows(proposal: Proposal, status: str, now_s: float, moved: Moved | Non
         yield f"· {escape(name)}", words.number(value)
     yield "State", status
     yield "Chosen", words.origin(proposal)
-    if proposal.dropped:
-        yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
+    if proposal.dropped_count:
+        yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped_count} non-finite</span>"
     yield "Planned in", words.duration(proposal.plan_s)
     age_s, limit = now_s - proposal.time_s, f"of {words.duration(moved.max_age_s)}" if moved else ""
     yield "Age", f"{words.duration(age_s)} <small>{limit}</small>"

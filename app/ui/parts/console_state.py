@@ -115,7 +115,7 @@ class ConsoleState:
         return self.health.arm_mode
 
     @property
-    def stopped(self) -> bool:
+    def is_stopped(self) -> bool:
         """True while a STOP is in force: pressed here and not resumed, or in force at the arm."""
         return self.stop_s > self.resume_s or self.arm_mode in ("stopping", "stopped", "fault")
 
@@ -142,7 +142,7 @@ class ConsoleState:
         return self.mode.mode if self.mode else None
 
     @property
-    def teleoperated(self) -> bool:
+    def is_teleoperated(self) -> bool:
         """True in the mode in which the tool is jogged."""
         return self.mode_now == "teleoperate"
 
@@ -152,7 +152,7 @@ class ConsoleState:
         return self.take is not None and self.take.state == "recording"
 
     @property
-    def cleared(self) -> bool:
+    def is_cleared(self) -> bool:
         """True where no open checklist forbids motions."""
         return self.checklist is None or self.checklist.passed
 
@@ -164,8 +164,8 @@ class ConsoleState:
     @property
     def decidable(self) -> bool:
         """True where a decision on the pending proposal would have an effect now."""
-        asked = self.cleared and (self.mode is None or self.mode.mode == "approve each")
-        return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
+        asked = self.is_cleared and (self.mode is None or self.mode.mode == "approve each")
+        return self.pending is not None and asked and not self.is_stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "ConsoleState":
         """The state after `message`."""

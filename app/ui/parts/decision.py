@@ -34,7 +34,7 @@ class DecisionForm:
 
     def paint(self, state: ConsoleState, now_s: float) -> None:
         """Update the buttons to the decisions that are possible now."""
-        if self._resume.visible != (resumable := state.stopped and not state.replay):
+        if self._resume.visible != (resumable := state.is_stopped and not state.replay):
             self._resume.visible = resumable
         self._control.paint(state)
         if state.pending is not self._proposal:

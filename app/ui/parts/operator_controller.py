@@ -100,7 +100,7 @@ class OperatorController:
     def resume(self, operator: str) -> None:
         """Request to go on; ignored where nothing is stopped."""
         with self._lock:
-            if self._state.stopped and self._may(operator):
+            if self._state.is_stopped and self._may(operator):
                 self._issue(ResumeRequest(id=fresh_id("resume"), time_s=self.now(), operator=operator))
 
     def decide(self, proposal: Proposal, *, approve: bool, operator: str, reason: str = "") -> None:
@@ -190,7 +190,7 @@ class OperatorController:
             if self._state.holder == operator and self._in_pace(operator):
                 self._lend("", f"{operator} gave it back")
 
-    def left(self, operator: str) -> None:
+    def on_disconnect(self, operator: str) -> None:
         """Forget a browser that has left, and its control; its later presses have no effect."""
         with self._lock:
             self._gone.add(operator)
@@ -267,7 +267,7 @@ def _blocked_reason(state: ConsoleState, operator: str) -> str | None:
     """Reason against jogging on this state. Control is not taken implicitly: a stuck stick must command nothing."""
     if state.fatal is not None:
         return "the program has ended"
-    if state.stopped:
+    if state.is_stopped:
         return "a stop is in force: press Resume"
     if not state.cleared_by_hand:
         return "complete the checklist first"
@@ -275,7 +275,7 @@ def _blocked_reason(state: ConsoleState, operator: str) -> str | None:
         return "nobody has control: press Take first"
     if state.holder != operator:
         return f"{state.holder} has control"
-    return None if state.teleoperated else "choose the mode By hand first"
+    return None if state.is_teleoperated else "choose the mode By hand first"
 
 
 def _times(count: int) -> str:

@@ -58,7 +58,7 @@ class ViserHost:
 
         Viser converts any value of a slider to a number, and prints a traceback where that fails.
         """
-        if not understood(data):
+        if not can_parse(data):
             return False
         message = Message.deserialize(data)
         if not isinstance(message, GuiUpdateMessage) or "value" not in message.updates:
@@ -88,7 +88,7 @@ class _Unshared(viser.ViserServer):
         return None
 
 
-def understood(data: bytes) -> bool:
+def can_parse(data: bytes) -> bool:
     """True where viser can parse a browser's message."""
     try:
         Message.deserialize(data)

@@ -48,7 +48,7 @@ class ChecklistForm:
 
     def paint(self, state: ConsoleState) -> None:
         """Update it to the state."""
-        is_open = not state.cleared
+        is_open = not state.is_cleared
         if self._place.visible != is_open:
             self._place.visible = is_open
         content = card(state)

@@ -50,7 +50,7 @@ class Tuning:
         last, self._state = self._state, state
         if state.colours and state.colours is not last.colours:
             self._set(state.colours[-1])
-        wanted = self.wanted if state.colours else None
+        wanted = self.colour_range if state.colours else None
         used = state.colours[-1] if state.colours else None
         changed = wanted is not None and used is not None and wanted != _round_to_steps(used)
         self._status.put(_state(used, wanted if changed else None))
@@ -60,7 +60,7 @@ class Tuning:
         return wanted if changed else None
 
     @property
-    def wanted(self) -> ColourRange | None:
+    def colour_range(self) -> ColourRange | None:
         """Colours of the sliders; None where they form no range: a browser may have sent anything."""
         try:
             hue, saturation, value = (_ends(each.value) for each in (self._hue, self._saturation, self._value))
@@ -76,7 +76,7 @@ class Tuning:
         self._saturation.value, self._value.value = near.saturation, near.value
 
     def _on_submit(self, event: viser.GuiEvent[Any]) -> None:
-        wanted = self.wanted
+        wanted = self.colour_range
         if wanted is not None:
             self._controller.use_colours(wanted, operator=operator(event))
 
