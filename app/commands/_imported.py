@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Final
 
 import msgspec
@@ -39,8 +40,12 @@ def imported_messages(
             config=json.dumps(config),
         )
         for number, sights in enumerate(episode.pushes):
-            seen = [_particles(sight, particle_count) for sight in sights]
-            for sight, particles in zip(sights, seen, strict=True):
+            seen = list[Particles]()
+            for sight in sights:
+                frames = sight.frames() if sight.frames else ()
+                yield from frames
+                particles = _particles(sight, particle_count, tuple(frame.id for frame in frames))
+                seen.append(particles)
                 yield particles
                 table = episode.table if number == 0 and sight is first else episode.table[:0]
                 if len(sight.tool) or len(table):
@@ -54,9 +59,10 @@ def imported_messages(
             yield from _motion_messages(episode, seen)
 
 
-def _particles(sight: PlainObservation, count: int) -> Particles:
+def _particles(sight: PlainObservation, count: int, frames: tuple[MessageId, ...]) -> Particles:
     return Particles(
         id=fresh_id("particles"),
+        cause=frames,
         time_s=sight.time_s,
         positions=resample_to(sight.cloud, count),
         surface=sight.cloud,
@@ -86,3 +92,23 @@ def _motion_messages(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterat
     )
     yield executed
     yield Transition.between(before, executed, after)
+
+
+def plain_lines(path: Path, plain: Plain) -> Iterator[str]:
+    """Content of a file of arrays in words."""
+    pushes = [push for episode in plain.episodes for push in episode.pushes]
+    sights = [sight for push in pushes for sight in push]
+    points = [len(sight.cloud) for sight in sights]
+    yield f"{path}: {len(pushes)} pushes in {len(plain.episodes)} episodes, {len(sights)} clouds of the object."
+    yield f"Points of a cloud: {min(points)} to {max(points)}."
+    optional = {
+        "poses of the tool as measured": any(episode.state is not None for episode in plain.episodes),
+        "points of the tool": any(len(sight.tool) for sight in sights),
+        "points of the bare table": any(len(episode.table) for episode in plain.episodes),
+        "views during pushes": any(sight.phase == "during" for sight in sights),
+    }
+    for there, text in ((True, "Besides: "), (False, "Not there: ")):
+        names = [name for name, has in optional.items() if has == there]
+        if names:
+            yield f"{text}{', '.join(names)}."
+    yield f"About: {json.dumps(dict(plain.about))}"

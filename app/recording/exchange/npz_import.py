@@ -8,6 +8,7 @@ import itertools
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi, radians, remainder
 from pathlib import Path
 from types import MappingProxyType
@@ -15,9 +16,12 @@ from typing import Any, Final, Literal, TypeAlias, cast, final
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
+from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.camera import CameraModel
 from app.core.geometry.table_place import TablePlace
+from app.core.messages import Frame
 from app.core.system.array_file import read_arrays
 from app.core.types import Cloud, Poses
 from app.recording.exchange.plain_checks import (
@@ -50,12 +54,16 @@ _TOGETHER: Final = (
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlainObservation:
-    """One moment: the object, and the finger's points in the same images (maybe none)."""
+    """One moment: the object, and the finger's points in the same images (maybe none).
+
+    `frames` reads those images again, where they are at hand.
+    """
 
     time_s: float
     phase: Phase
     cloud: Cloud
     tool: Float32[np.ndarray, "L 3"]
+    frames: Callable[[], tuple[Frame, ...]] | None = None
 
 
 @final
@@ -95,7 +103,7 @@ class Plain:
     def in_table(self, place: TablePlace) -> "Plain":
         """The content moved from the frame of the arm's base to that of a table at `place`."""
         moved = self.mapped(place.points_in_table, place.poses_in_table)
-        return replace(moved, about=_about_in_table(self.about, place))
+        return replace(moved, about=about_in_table(self.about, place))
 
     def mapped(self, points: Callable[[Places], Places], poses: Callable[[Poses], Poses]) -> "Plain":
         """The content with positions [m] and poses mapped to another frame; `about` is unchanged."""
@@ -107,7 +115,8 @@ class Plain:
             return Poseline(times_s=given.times_s, poses=poses(given.poses))
 
         def sight(given: PlainObservation) -> PlainObservation:
-            return replace(given, cloud=cloud(given.cloud), tool=cloud(given.tool))
+            frames = None if given.frames is None else partial(_move_frames, given.frames, poses)
+            return replace(given, cloud=cloud(given.cloud), tool=cloud(given.tool), frames=frames)
 
         def episode(given: PlainEpisode) -> PlainEpisode:
             return replace(
@@ -121,7 +130,21 @@ class Plain:
         return replace(self, episodes=tuple(map(episode, self.episodes)))
 
 
-def _about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
+def _move_frames(read: Callable[[], tuple[Frame, ...]], poses: Callable[[Poses], Poses]) -> tuple[Frame, ...]:
+    """Frames whose cameras are mapped to another frame as poses are."""
+    return tuple(replace(frame, camera=_move_camera(frame.camera, poses)) for frame in read())
+
+
+def _move_camera(camera: CameraModel, poses: Callable[[Poses], Poses]) -> CameraModel:
+    turn = Rotation.from_matrix(camera.T_world_camera[:3, :3]).as_quat(scalar_first=True)
+    moved = poses(np.concatenate([camera.T_world_camera[:3, 3], turn])[None])[0]
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat(moved[3:], scalar_first=True).as_matrix()
+    T[:3, 3] = moved[:3]
+    return replace(camera, T_world_camera=T)
+
+
+def about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
     """The known properties, with a flat finger's yaw converted from the base's x axis to the table's."""
     tool = about.get("tool", {})
     if "yaw_rad" not in tool:
@@ -138,7 +161,7 @@ def read_plain(path: Path) -> Plain:
     """
     arrays = _load(path)
     try:
-        return _parse(arrays)
+        return parse_arrays(arrays)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
@@ -159,7 +182,8 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _parse(arrays: Mapping[str, np.ndarray]) -> Plain:
+def parse_arrays(arrays: Mapping[str, np.ndarray]) -> Plain:
+    """The arrays of the format, checked. Raises RecordingError, which names the array and the first bad index."""
     missing = [name for name in _REQUIRED if name not in arrays]
     for names in _TOGETHER:
         if any(name in arrays for name in names):

@@ -67,7 +67,10 @@ def inspect(path: Path) -> dict[str, str]:
         if metadata is None and _begins_as_recording(path):
             raise RecordingError(f"{path} has no index; `dipac recover {path}` makes a whole file of it.")
     if metadata is None:
-        raise RecordingError(f"{path} is an MCAP file of another program; only recordings of dipac can be read.")
+        raise RecordingError(
+            f"{path} is an MCAP file of another program; only recordings of dipac can be read. `dipac import` makes "
+            "one of a bag of ROS 2."
+        )
     version = metadata.get("schema_version", "")
     if not version.isascii() or not version.isdecimal() or int(version) < 1:
         raise RecordingError(

@@ -1,0 +1,1 @@
+"""Bags of ROS 2 (rosbag2): MCAP or SQLite, messages in CDR."""
