@@ -4,6 +4,8 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .SUFFIXES:
+# Images of Python often set it, and then every process would compile every module anew; `make clean` removes the files.
+unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help setup develop static run console test check test-slow bench docs pictures lock clean
 
 CANDIDATES := python3.11 python3.12 python3.13 python3.14 python3

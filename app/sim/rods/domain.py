@@ -1,5 +1,11 @@
-"""Domain of rods: where rope and finger may be, and how the finger may move, for the model to say anything."""
+"""Domain of rods: where rope and finger may be, and how the finger may move, for the model to say anything.
 
+Each measure is one program, outside of simulators too: an autopsy has as many states as steps were made.
+"""
+
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -37,16 +43,19 @@ def are_whole(scene: RodScene, nodes: Float[Array, "B 8 n"]) -> Bool[Array, " B"
     return near & (jnp.abs(strains(scene.rest_m, nodes)).max(1) <= STRAIN)
 
 
+@partial(jax.jit, static_argnums=0)
 def strains(rest_m: float, nodes: Float[Array, "B 8 n"]) -> Float[Array, "B n-1"]:
     """Strain of each segment: relative elongation."""
     return jnp.linalg.norm(jnp.diff(nodes[:, :2], axis=2), axis=1) / rest_m - 1
 
 
+@partial(jax.jit, static_argnums=0)
 def strides_m(radius_m: float, tool: Float[Array, "B T 3"]) -> Float[Array, "B T-1"]:
     """Lengths of a finger's horizontal steps [m] that end in the height of a rope; 0 for the others."""
     return jnp.where(_is_down(radius_m, tool[:, 1:]), jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=-1), 0.0)
 
 
+@partial(jax.jit, static_argnums=0)
 def gap_m(
     radius_m: float, nodes: Float[Array, "B 8 n"], tip: Float[Array, "B 3"], half: Float[Array, "B 2"]
 ) -> Float[Array, " B"]:
@@ -55,6 +64,7 @@ def gap_m(
     return jnp.where(_is_down(radius_m, tip), gap, jnp.inf)
 
 
+@jax.jit
 def distances_m(
     line: Float[Array, "B 2 n"], middle: Float[Array, "B 2"], half: Float[Array, "B 2"]
 ) -> Float[Array, "B n-1"]:

@@ -151,6 +151,7 @@ def frames(
     return jnp.moveaxis(between(line), 1, 2), jnp.moveaxis(tangent, 1, 2)
 
 
+@jax.jit
 def bends(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B n-2"]:
     """Angles [rad] between neighbouring segments, positive to the left, as rod.h has them; it bends no further back."""
     edges = jnp.diff(line, axis=2)
