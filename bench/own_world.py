@@ -19,7 +19,8 @@ from app.core.geometry.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.predict import Predictor, resisting
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.tool_load import resisting
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.perception.body.resample import resample
 from app.policy.random_pushes import REGION, PushDesign, midway_s, random_track

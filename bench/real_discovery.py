@@ -23,12 +23,13 @@ from app.commands._named import full_name
 from app.core.types import Points
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.soundness import model_limits
-from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
+from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import NAMED, ModelSelection, decide, is_sized
 from app.discovery.inference.held_out import held_out_gain
 from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.case import CauseResult, Limit
 from app.discovery.results.gain import error_mm
 from app.discovery.results.verdict import ranking_of, verdict_of
@@ -116,7 +117,7 @@ class Errors(NamedTuple):
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def investigated(study: Study, subject: Subject) -> Investigated:
     """The chain as `dipac discover` has it, but for forces of no cause."""
-    predictor = Predictor(subject, catalogue(subject.rods))
+    predictor = Predictor(subject, subject.catalogue())
     trials = prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
     trials = trials.with_ends(screening.ends)

@@ -20,8 +20,9 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step, apply_step
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.services.study import read_study
 from app.sim.tools.finger import FingerCollider
 from bench.leave_one_out import Fitted, Place, chosen, descend, folds, loss, paired, placed

@@ -16,7 +16,8 @@ from rich.table import Table
 from app.discovery.dataset.model_under_test import Subject, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.inference.screen import refit
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.gain import error_mm
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign

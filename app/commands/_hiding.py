@@ -17,10 +17,11 @@ from jaxtyping import Float32
 
 from app import __version__
 from app.core.errors import RecordingError
-from app.core.geometry.track import Track
+from app.core.geometry.track import Track, poses_at
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
+from app.perception.find_tool import find_tool
 from app.perception.reconstruct import reconstruct
-from app.perception.tool_and_table_points import table_points, tool_points
+from app.perception.tool_and_table_points import table_points
 from app.policy.random_pushes import PushDesign
 from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
@@ -208,7 +209,7 @@ class Scribe:
     """Says what cameras and encoders say of a push."""
 
     def __init__(self, session: PushRecordingConfig, watch: Stopwatch) -> None:
-        self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
+        self._watch, self._pushes, self._task = watch, session.plan.pushes, session.task
         self._eyes = SimulatedCameras(
             session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise
         )
@@ -228,8 +229,8 @@ class Scribe:
         during, views = self._observe(take.during, _LOOKS * number + 1)
         after, _ = self._observe(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):
-            tip = take.measured.at(np.array([take.during.stamp_s]))[0]
-            tool = tool_points(views, tip, self._how, radius_m=self._finger.radius_m)
+            pose = poses_at(np.array([take.during.stamp_s]), take.measured.times_s, take.measured.poses)[0]
+            tool = find_tool(views, pose, self._task.stage.tool, self._how)
         executed = _execution(take, number, before)
         return [
             during,

@@ -8,7 +8,7 @@ from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
 from app.recording.exchange.toml_file import finite_number, read_toml
 from app.tasks import load, name_with_dynamics
-from app.tasks.elements.sizes import SIZES
+from app.tasks.elements.sizes import BEAN_SIZES, SIZES
 
 Dynamics: TypeAlias = Literal["rods", "mpm"]
 
@@ -33,7 +33,7 @@ def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None
 
 
 def read_sizes(path: Path) -> dict[str, float]:
-    """Sizes in a TOML file such as `length_m = 0.3`, by the names of `app.tasks.elements.sizes.SIZES`.
+    """Sizes in a TOML file such as `length_m = 0.3`, by the names of `app.tasks.elements.sizes`.
 
     Raises UsageError where it cannot be read, or says anything else.
     """
@@ -44,8 +44,8 @@ def read_sizes(path: Path) -> dict[str, float]:
     except ValueError as error:
         raise UsageError(f"{path} is no TOML file ({error}); write lines such as `length_m = 0.3`.") from None
     for name in table:
-        if name not in SIZES:
-            raise UsageError.unknown(f"size in {path}", name, SIZES)
+        if name not in SIZES | BEAN_SIZES:
+            raise UsageError.unknown(f"size in {path}", name, SIZES | BEAN_SIZES)
     try:
         return {name: finite_number(name, value) for name, value in table.items()}
     except ValueError as error:

@@ -12,7 +12,7 @@ from app.commands._case import MODEL, VERDICT
 from app.core.errors import ParameterError
 from app.core.messages import Model
 from app.discovery.checks.placement import centre
-from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
+from app.discovery.dataset.model_under_test import Catalogue, Subject
 from app.discovery.dataset.study import Study
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
@@ -58,7 +58,7 @@ def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[P
 
 def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:
     """The extended model of `task` for `--model`; the refitted nominal one if no cause was found."""
-    known = catalogue(subject.rods)
+    known = subject.catalogue()
     nominal = known.nominal(subject)
     values, covariance = fitted_parameters(known, nominal, case.extended, case.estimated, case.covariance)
     return extended_model(

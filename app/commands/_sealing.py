@@ -11,8 +11,8 @@ from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
 from app.rig.simulated.effect_sampling import InjectionRequest, describe
-from app.rig.simulated.push_session import first_end
-from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.push_session import first_start
+from app.rig.simulated.testbeds import find_testbed
 
 
 def wish_of(text: str) -> InjectionRequest:
@@ -30,7 +30,7 @@ def truth_of(session: PushRecordingConfig, episodes: int | None = None) -> dict[
     """Truth that the solver must not know. `episodes`: number recorded, if fewer than planned."""
     made = session.plan.episodes if episodes is None else episodes
     physics, paths = session.physics, [session.path(episode) for episode in range(made)]
-    x, y = first_end(session.task, session.plan, session.seed).tolist()
+    start = first_start(session.task, session.plan, session.seed)
     return {
         "version": __version__,
         "task": session.task.name,
@@ -41,18 +41,10 @@ def truth_of(session: PushRecordingConfig, episodes: int | None = None) -> dict[
         "world": {
             "table_friction": physics.table_friction,
             "finger_friction": physics.finger_friction,
-            **_bending(physics),
-            "first_end_m": [x, y],
+            **find_testbed(session.task).describe(physics, start),
         },
         "recordings": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
     }
-
-
-def _bending(physics: WorldPhysics) -> dict[str, float]:
-    """Stiffness of the rope, by its model."""
-    if physics.cable is None:
-        return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
-    return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
 
 
 def seal(path: Path, truth: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Make recordings of random pushes in a world where effects are hidden; what they are goes to a sealed file."""
+"""Make recordings of random pushes or sweeps in a world with hidden effects; what they are goes to a sealed file."""
 
 import os
 from pathlib import Path
@@ -13,13 +13,12 @@ from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Rope, RopeModel
-from app.core.task_name import TaskName, recorded_name
-from app.policy.random_pushes import PushDesign
+from app.core.task_name import recorded_name
 from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.effect_sampling import check_world, draw, mistune
+from app.rig.simulated.testbeds import find_testbed
 from app.tasks import load
-from app.tasks.elements.base import Task
 
 _MOST = 99
 """Largest number of episodes, and of pushes in one."""
@@ -35,7 +34,9 @@ def hide(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the recordings, new or empty")],
     episodes: int = 8,
     pushes: int = 8,
-    task: Annotated[str, tyro.conf.arg(help="the rope and finger, as 'rope_push(radius_m=0.006)'")] = "rope_push",
+    task: Annotated[
+        str, tyro.conf.arg(help="rope_push, also with sizes, as 'rope_push(radius_m=0.006)', or bean_sweep")
+    ] = "rope_push",
     cameras: Annotated[int, tyro.conf.arg(help="how many look on, 1 to 3")] = 2,
     depth_noise_mm: Annotated[
         float | None, tyro.conf.arg(help="of a pixel at the cameras' distance; 1.3 where it is left out")
@@ -52,13 +53,17 @@ def hide(
     _check(seed, episodes, pushes)
     _check_cameras(cameras, depth_noise_mm)
     known = load(recorded_name(task))
-    physics = mistune(seed, world, _pushed_rope(known))
-    hidden = draw([wish_of(text) for text in effects], seed)
+    testbed = find_testbed(known)
+    body = testbed.body(known)
+    if world != "chain" and not isinstance(body, Rope):
+        raise UsageError(f"--world {world} is of tasks with a rope, not of {task}; leave it out.")
+    physics = mistune(seed, world, body)
+    hidden = draw([wish_of(text) for text in effects], seed, type(body))
     check_world(hidden, world)
     _check_places(output, sealed)
     session = PushRecordingConfig(
         task=known,
-        plan=PushDesign(episodes=episodes, pushes=pushes),
+        plan=testbed.design(episodes, pushes),
         physics=physics,
         hidden=hidden,
         seed=seed,
@@ -88,13 +93,6 @@ def _check_cameras(cameras: int, noise_mm: float | None) -> None:
     least, most = _NOISE_MM
     if noise_mm is not None and not least <= noise_mm <= most:
         raise UsageError(f"--depth-noise-mm {noise_mm:g} is outside {least:g} to {most:g}; leave it out for 1.3.")
-
-
-def _pushed_rope(task: Task) -> Rope:
-    """The rope that is pushed. Raises UsageError where the task is of anything else."""
-    if TaskName.parse(task.name).problem != "rope_push":
-        raise UsageError(f"--task {task.name} is no rope that a finger pushes; give rope_push, sizes in parentheses.")
-    return task.rope
 
 
 def _check_places(output: Path, sealed: Path) -> None:

@@ -17,7 +17,7 @@ from app.discovery.checks.frames import frame_tests
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centre, move_back, reach_m
 from app.discovery.checks.soundness import model_limits
-from app.discovery.dataset.model_under_test import Subject, Theta, catalogue, setup_of
+from app.discovery.dataset.model_under_test import Subject, Theta, setup_of
 from app.discovery.dataset.study import Study
 from app.discovery.experiments.next_push import next_push
 from app.discovery.inference.confusion import confusions
@@ -25,7 +25,8 @@ from app.discovery.inference.decide import ModelSelection, Progress, decide
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening, arrows_of, refit, screen
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, ResidualField
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.gain import measure_gain
@@ -130,7 +131,7 @@ def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None 
     """
     limits = limits_of(study, subject)
     study = centre(study, subject)
-    known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
+    known = subject.catalogue(origin_m=study.origin_m, reach_m=reach_m(study, subject))
     predictor, trials = Predictor(subject, known), prepare(study, subject)
     with stages.stage("nominal fit"):
         about = refit(predictor, trials) if about is None else about

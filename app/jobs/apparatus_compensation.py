@@ -6,7 +6,7 @@ with them, are in the frame of the cameras; motions are commands to the arm. Rec
 
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -17,14 +17,17 @@ from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Path3, Points
 from app.discovery.dataset.labels import label_particles
-from app.discovery.dataset.model_under_test import Theta, catalogue
-from app.discovery.residuals.predict import Predictor, dragging
+from app.discovery.dataset.model_under_test import Theta
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
 from app.planner.base import Planner
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.tasks import load
+
+_Turns: TypeAlias = Float64[np.ndarray, "T 4"]
 
 _PAUSE_S = 1e4
 """Time between two positions of a path, so slow that no delay or lag shows."""
@@ -71,13 +74,16 @@ class Correction:
         felt = self._drag_load(motion, before, after)
         told = motion.positions
         for _ in range(_ROUNDS):
-            told = told + motion.positions - self.executed_path(told, felt)
+            told = told + motion.positions - self.executed_path(told, felt, motion.poses[:, 3:7])
         told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
-        return Motion(positions=told, speeds=motion.speeds)
+        return replace(motion, positions=told)
 
-    def executed_path(self, told: Path3, felt: Load) -> Path3:
-        """Path of the tip [m] of an arm that is commanded this one, slowly, against these forces."""
-        track = _track(told, _PAUSE_S * np.arange(len(told)))
+    def executed_path(self, told: Path3, felt: Load, turns: _Turns | None = None) -> Path3:
+        """Path of the tip [m] of an arm that is commanded this one, slowly, against these forces.
+
+        `turns`: quaternions w x y z of the tool along it; None where it points down, unturned.
+        """
+        track = _track(told, _PAUSE_S * np.arange(len(told)), turns)
         return self.predictor.apply_errors(track, felt, self.theta, lambda _: True).positions
 
     def transition(self, seen: Transition) -> Transition:
@@ -96,13 +102,14 @@ class Correction:
         )
 
     def _eye(self, points: Points) -> Eye:
-        return Eye(self.camera_m, label_particles([points], self.predictor.subject.rods)[1][0].astype(np.float64))
+        subject = self.predictor.subject
+        return Eye(self.camera_m, label_particles([points], subject.rods, subject.kind)[1][0].astype(np.float64))
 
     def _drag_load(self, motion: Motion, before: Points, after: Points) -> Load:
         lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
         times = np.concatenate([[0.0], np.cumsum(lengths / motion.speeds[1:])])
         known = after if np.isfinite(after).all() else before
-        return dragging(_track(motion.positions, times), before, known, self.predictor.subject)
+        return dragging(_track(motion.positions, times, motion.poses[:, 3:7]), before, known, self.predictor.subject)
 
 
 def correction(model: Model) -> Correction:
@@ -116,8 +123,10 @@ def correction(model: Model) -> Correction:
 
 @lru_cache
 def _predictor(task: str) -> Predictor:
-    return Predictor(subject_of(load(task)), catalogue())
+    subject = subject_of(load(task))
+    return Predictor(subject, subject.catalogue())
 
 
-def _track(positions: Path3, times_s: Float64[np.ndarray, " T"]) -> Track:
-    return Track(times_s=times_s, poses=np.concatenate([positions, np.tile(TOOL_DOWN, (len(positions), 1))], axis=1))
+def _track(positions: Path3, times_s: Float64[np.ndarray, " T"], turns: _Turns | None) -> Track:
+    turned = np.tile(TOOL_DOWN, (len(positions), 1)) if turns is None else turns
+    return Track(times_s=times_s, poses=np.concatenate([positions, turned], axis=1))

@@ -7,16 +7,18 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
+from app.core.geometry.scene_description import Beans
 from app.core.measured_setup import MeasuredSetup
 from app.discovery.checks.placement import centre
-from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, catalogue, unknowns_of
+from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
-from app.discovery.residuals.displacement_field import AFTER
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import residuals
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.jobs.jit_cache import nominal_model, phi_of
 from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
+from app.planner.actions.sweep_actions import Sweeps
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
 from app.tasks.elements.base import Task
@@ -32,12 +34,17 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
 
     What is a cause of its own is not fitted whatever the cause. `setup`: what imported data say of object and tool; the
     task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
-    is as limp as that allows. Raises UsageError for a task without pushes.
+    is as limp as that allows. Raises UsageError for a task whose object is not pushed along a table.
     """
-    if not isinstance(task.actions, Pushes):
-        raise UsageError(f"Discovery reads pushes so far; {task.name} has none.")
+    match task.stage.body, task.actions:
+        case Beans() as beans, Sweeps() as sweeps:
+            return _subject_of_grains(task, beans, sweeps)
+        case _, Pushes():
+            pass
+        case _:
+            raise UsageError(f"Discovery reads pushes and sweeps along a table so far; {task.name} has none.")
     rods = task.rods if task.dynamics == "rods" else None
-    causes = {effect.parameters[0].name for effect in discover().values() if effect.catalogued}
+    causes = _first_parameters_of_causes()
     low_m, unsaid = task.actions.height_m + LOW_ENOUGH_M, frozenset[str]()
     if setup is not None:
         unsaid = frozenset(size.name for size in setup.sizes if size.source != "about")
@@ -65,6 +72,29 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
     )
 
 
+def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps) -> Subject:
+    """Model under test of loose pieces that a paddle sweeps."""
+    causes = _first_parameters_of_causes()
+    return Subject(
+        scene=task.scene,
+        time_scale=task.time_scale,
+        mass_kg=beans.mass_kg,
+        length_m=beans.length_m,
+        radius_m=beans.radius_m,
+        low_m=sweeps.height_m + LOW_ENOUGH_M,
+        particle_count=task.preset("cpu").particle_count,
+        nominal=phi_of(nominal_model(task.name)),
+        calibrated=tuple(name for name in task.calibrated if name not in causes),
+        kind="grains",
+        paddle_half_m=sweeps.half_m,
+    )
+
+
+def _first_parameters_of_causes() -> frozenset[str]:
+    """Parameters that are a cause of their own, which is not fitted whatever the cause."""
+    return frozenset(effect.parameters[0].name for effect in discover().values() if effect.catalogued)
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Doubted:
@@ -85,7 +115,7 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     usual = subject_of(task, study.setup)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
         return Doubted(subject=usual)
-    trials, predictor = prepare(centre(study, usual), usual), Predictor(usual, catalogue(usual.rods))
+    trials, predictor = prepare(centre(study, usual), usual), Predictor(usual, usual.catalogue())
     about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
     error_m, stiffest = _error_m(predictor, trials, about), about.copy()
     stiffest[column] = predictor.catalogue.specs[column].high
@@ -93,7 +123,7 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     if about[column] < _STIFF * usual.nominal[column] and error_m <= _error_m(predictor, trials, stiffest):
         return Doubted(subject=usual, about=about)
     stiff = subject_of(task, study.setup, stiff=True)
-    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[column])
+    known, least_pa = stiff.catalogue(), float(stiff.nominal[column])
     stiffer = (least_pa * times for times in _STIFFER)
     starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
     if min(_error_m(start, trials, known.nominal(start.subject)) for start in starts) >= error_m:
@@ -112,5 +142,5 @@ def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
 def _error_m(predictor: Predictor, trials: SimulationBatch, about: Theta) -> float:
     """A model's median residual after a push; infinite of those that cannot be simulated."""
     found = residuals(predictor, trials, about, (), replicas=0)
-    simulated = found.known[:, AFTER].any(1)
-    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, AFTER], axis=1), np.inf)))
+    simulated = found.known[:, trials.after_rows].any(1)
+    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, trials.after_rows], axis=1), np.inf)))

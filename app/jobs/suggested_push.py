@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.config import Site
-from app.core.errors import PlanningError
+from app.core.errors import PlanningError, UsageError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.finger_distance import nearest_m
 from app.core.geometry.orientation import UNKNOWN, Orientation
@@ -76,15 +76,16 @@ def plan_of_suggestion(
 
     from app.jobs import jit_cache, rope_orientation
     from app.jobs.apparatus_compensation import correction
-    from app.jobs.discovery_subject import subject_of
+    from app.planner.actions.actions import Pushes
     from app.planner.search.plan import Plan
     from app.tasks import load
 
     data, where = load(task), site or Site()
-    subject_of(data)  # Says so where the task has no pushes.
+    if not isinstance(data.actions, Pushes):
+        raise UsageError(f"A push is suggested, and {task} has none.")
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unproject(observed) if allowed_for else observed
-    made = aim_at(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
+    made = aim_at(asked, x, data.actions, where)
     path = data.actions.measured_path(made.positions)
     simulate = jax.jit(jit_cache.action_simulator(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
     before = data.initial_state(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))

@@ -4,19 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64
 
 from app.core.messages import Frame, MessageId, Particles, Sighting, fresh_id
-from app.perception.tool_and_table_points import table_points, tool_points
+from app.perception.find_tool import Pose, find_tool
+from app.perception.tool_and_table_points import table_points
 from app.recording.read.reader import read_messages
 from app.tasks.elements.base import Task
 
-Tip = Float64[np.ndarray, "3"]
-"""Position of the tool's tip by the kinematics [m]."""
-
 
 def look_beside(
-    path: Path, tools: Mapping[MessageId, tuple[Particles, Tip]], tables: Mapping[MessageId, Particles], task: Task
+    path: Path, tools: Mapping[MessageId, tuple[Particles, Pose]], tables: Mapping[MessageId, Particles], task: Task
 ) -> dict[float, Sighting]:
     """Sightings in the images behind some particles, of the tool (`tools`) and of the bare table (`tables`), by time.
 
@@ -35,8 +32,8 @@ def look_beside(
             continue
         del waiting[seen.id]
         tool = np.zeros((0, 3), np.float32)
-        if seen.id in tools and task.finger.half_width_m == 0:  # A flat finger's tip is not found in images.
-            tool = tool_points(frames, tools[seen.id][1], task.perception, radius_m=task.finger.radius_m)
+        if seen.id in tools:
+            tool = find_tool(frames, tools[seen.id][1], task.stage.tool, task.perception)
         table = table_points(frames, task.perception) if seen.id in tables else tool[:0]
         found[seen.time_s] = Sighting(
             id=fresh_id("sighting"), cause=seen.cause, time_s=seen.time_s, tool=tool, table=table

@@ -1,6 +1,7 @@
 """Sweeping beans on a table onto a mat with a paddle (paper, bean task)."""
 
-from math import pi
+from dataclasses import replace
+from math import ceil, pi, sqrt
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
@@ -28,7 +29,46 @@ MAT = Mat(radius_m=0.08, place_m=(0.55, 0.0))
 # A particle lies up to 5 mm inside its bean, and perception errs by up to 3 mm.
 CLEARANCE_M = 0.010
 
-_VOLUME_M3 = BEANS.count * pi * BEANS.radius_m**2 * (BEANS.length_m - 2 / 3 * BEANS.radius_m)
+SWEEPS = Sweeps(
+    region=(0.265, -0.335, 0.835, 0.335),
+    height_m=PADDLE.sweep_height_m,
+    half_m=PADDLE.half_m[:2],
+    clearance_m=CLEARANCE_M,
+    length_m=(0.03, 0.40),
+    random_length_m=(0.08, 0.30),
+    speed_m_s=0.15,
+    approach_m_s=0.25,
+    sweep_substeps=130,
+    rest_substeps=12,
+    scale_m=0.015,
+)
+PROBLEMS = BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065)
+
+
+def _material(beans: Beans) -> Body:
+    """The beans as one granular body."""
+    volume_m3 = beans.count * pi * beans.radius_m**2 * (beans.length_m - 2 / 3 * beans.radius_m)
+    return Body(
+        volume_m3=volume_m3,
+        density_kg_m3=beans.mass_kg / volume_m3,
+        material=Granular(friction_angle_deg=38.0),
+        stiffness=0.1,
+    )
+
+
+def _with_beans(beans: Beans) -> Task:
+    """The same task with these beans: waves are faster in what is lighter, and time steps as much shorter."""
+    material = _material(beans)
+    slower = min(1.0, sqrt(material.density_kg_m3 / _material(BEANS).density_kg_m3))
+    sweep, rest = (ceil(count / slower) for count in (SWEEPS.sweep_substeps, SWEEPS.rest_substeps))
+    return replace(
+        TASK,
+        stage=replace(TASK.stage, body=beans),
+        scene=replace(TASK.scene, bodies=(material,), dt_s=TASK.scene.dt_s * SWEEPS.sweep_substeps / sweep),
+        actions=replace(SWEEPS, sweep_substeps=sweep, rest_substeps=rest),
+        problems=replace(PROBLEMS, beans=beans),
+    )
+
 
 TASK = Task(
     name="bean_sweep",
@@ -42,41 +82,23 @@ TASK = Task(
         cell_m=0.0125,
         dt_s=2.3e-3,
         gravity_m_s2=30.0,
-        bodies=(
-            Body(
-                volume_m3=_VOLUME_M3,
-                density_kg_m3=BEANS.mass_kg / _VOLUME_M3,
-                material=Granular(friction_angle_deg=38.0),
-                stiffness=0.1,
-            ),
-        ),
+        bodies=(_material(BEANS),),
         tools=(BoxCollider(half_m=PADDLE.half_m, motion="turns"),),
         contact_margin_m=0.005,
         damping_1_s=15.0,
     ),
-    actions=Sweeps(
-        region=(0.265, -0.335, 0.835, 0.335),
-        height_m=PADDLE.sweep_height_m,
-        half_m=PADDLE.half_m[:2],
-        clearance_m=CLEARANCE_M,
-        length_m=(0.03, 0.40),
-        random_length_m=(0.08, 0.30),
-        speed_m_s=0.15,
-        approach_m_s=0.25,
-        sweep_substeps=130,
-        rest_substeps=12,
-        scale_m=0.015,
-    ),
+    actions=SWEEPS,
     policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
     symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, along="object"),
     weights=Weights(progress=1.0, contact=0.0002),
     descent=OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5),
-    problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),
+    problems=PROBLEMS,
     nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     success=OnMat(mat=MAT, enough=0.9),
     stop_when=OnMat(mat=MAT, enough=0.98),
     horizon=20,
+    with_beans=_with_beans,
     time_scale=7.0,
     presets=MappingProxyType(
         {

@@ -25,10 +25,10 @@ from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.decide import NAMED
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.discovery.results.case import CauseResult
 from app.discovery.results.verdict import estimate_of
 from app.jobs.discovery_subject import subject_of
@@ -169,7 +169,7 @@ def verdicts(recordings: Sequence[Path], dynamics: Dynamics) -> dict[str, Any]:
     """Conclusions of each method, in the format of `verdict.json` as far as scores need them."""
     study = read_study(recordings)
     subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
-    known, began = catalogue(subject.rods), time.perf_counter()
+    known, began = subject.catalogue(), time.perf_counter()
     predictor, trials = Predictor(subject, known), prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
     linear, prepared_s = Linear.of(screening), time.perf_counter() - began

@@ -41,8 +41,9 @@ from app.discovery.inference.refine import RefinedModel, refine
 from app.discovery.inference.screen import CandidateCause, Screening, refit, screen
 from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.evaluation.intervals import share
 from app.evaluation.results_log import lines
 from app.jobs.discovery_subject import subject_of
@@ -113,7 +114,7 @@ def _hideable(world: World) -> tuple[Sequence[str], Sequence[str]]:
 def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str, Any]:
     """Features of a case's screening, with the hidden truth, and refits of so many likely causes and of none."""
     study, subject = case.record(), subject_of(case.task)
-    predictor = Predictor(subject, catalogue(subject.rods))
+    predictor = Predictor(subject, subject.catalogue())
     trials = prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
     trials = trials.with_ends(screening.ends)

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.discovery.dataset.model_under_test import catalogue
+from app.core.geometry.scene_description import Body, Rope
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
 from app.sim.model.numerics import ANY_NUMERICS
@@ -95,9 +95,9 @@ def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making.dynamics)))
 
 
-def real_size(chosen: Chosen) -> float:
-    """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world."""
-    main = injectable_effects()[chosen.effect].main
+def real_size(chosen: Chosen, body: type[Body] = Rope) -> float:
+    """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world, in such an object."""
+    main = injectable_effects()[chosen.effect].main_in(body)
     assert main.typical is not None
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
 
@@ -105,7 +105,7 @@ def real_size(chosen: Chosen) -> float:
 def _catalogued(dynamics: Dynamics) -> frozenset[str]:
     """Causes of ropes that are simulated so, without those of our own numerics."""
     subject = subject_of(load(name_with_dynamics("rope_push", dynamics)))
-    return frozenset(cause.name for cause in catalogue(subject.rods).causes) - ANY_NUMERICS
+    return frozenset(cause.name for cause in subject.catalogue().causes) - ANY_NUMERICS
 
 
 def _hideable(making: Making) -> frozenset[str]:

@@ -62,7 +62,7 @@ def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterat
     """An episode of random pushes in one world; `size` in typical ones."""
     task, rng = load(TASK), np.random.default_rng([seed, _SEEN])
     hidden = draw([InjectionRequest(effect, size * float(injectable_effects()[effect].main.typical or 0.0))], seed)
-    session = PushSession(task, PushDesign(episodes=1, pushes=pushes), mistune(seed, rope=task.rope), hidden, seed)
+    session = PushSession(task, PushDesign(episodes=1, pushes=pushes), mistune(seed, body=task.rope), hidden, seed)
     nominal = nominal_model(TASK)
     names = [quantity.name for quantity in hidden[0].effect.quantities]
     model = _with(nominal, dict(zip(names, hidden[0].values.tolist(), strict=True)))

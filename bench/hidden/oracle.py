@@ -12,10 +12,10 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.refine import refine, start_of
 from app.discovery.inference.screen import refit, screen
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.discovery.results.gain import measure_gain
 from app.jobs.discovery_subject import subject_of
 from app.services.study import read_study
@@ -38,7 +38,7 @@ def errors_mm(recordings: Sequence[Path], causes: Sequence[str], dynamics: Dynam
     """One-step errors of the refitted nominal model and of the oracle's [mm]."""
     study = read_study(recordings)
     subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
-    predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)
+    predictor, trials = Predictor(subject, subject.catalogue()), prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials), only=causes)
     trials = trials.with_ends(screening.ends)
     suspects = [suspect for suspect in screening.suspects if suspect.cause in causes]

@@ -19,14 +19,14 @@ from scipy.spatial import KDTree
 
 from app.core.task_name import recorded_name
 from app.core.types import Cloud
-from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
+from app.discovery.dataset.model_under_test import RodModel, Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.push_session import lay_out
+from app.rig.simulated.testbeds.rope_push import lay_out
 from app.rig.simulated.worlds.physics import Centreline
 from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
@@ -87,7 +87,7 @@ class OwnRope:
         """Hidden parameters; friction and rigidity are off by up to 30 % in any case."""
         hidden = tuple((each.effect, each.size) for each in self.hidden)
         order = Order(name="own", seed=self.seed, hidden=hidden)
-        return world_of(order, catalogue(self.subject.rods), self.subject)
+        return world_of(order, self.subject.catalogue(), self.subject)
 
     @property
     def rods(self) -> RodModel:
@@ -104,7 +104,7 @@ class OwnRope:
     def record(self) -> Study:
         """The pushes as a study. Raises ValueError if the rod leaves the range that it can simulate."""
         rng = np.random.default_rng([self.seed, _SEEN])
-        predictor = Predictor(self.subject, catalogue(self.subject.rods))
+        predictor = Predictor(self.subject, self.subject.catalogue())
         pushes = tuple(self._pushes(predictor, rng))
         tables = {each.episode: self._shown(predictor, bare_table(rng), None) for each in pushes}
         return Study(task=recorded_name(self.task.name), pushes=pushes, tables=tables, camera=CAMERA_M)

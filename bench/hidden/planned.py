@@ -28,7 +28,8 @@ from app.core.types import Points
 from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.jobs import jit_cache
 from app.jobs.apparatus_compensation import correction

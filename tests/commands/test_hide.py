@@ -150,8 +150,12 @@ def test_another_rope_and_finger_are_recorded_by_as_many_cameras_as_are_asked_fo
     [
         (["--seed", "1", "--cameras", "4"], "--cameras 4 is outside 1 to 3", UsageError),
         (["--seed", "1", "--depth-noise-mm", "9"], "--depth-noise-mm 9 is outside 0.1 to 5", UsageError),
-        (["--seed", "1", "--task", "cloth_hang"], "is no rope that a finger pushes", UsageError),
-        (["cohesion", "--seed", "1"], "no grains in this world", UsageError),
+        (
+            ["--seed", "1", "--task", "cloth_hang"],
+            "nothing can be hidden in its world so far; choose another task: bean_sweep, rope_push",
+            UsageError,
+        ),
+        (["cohesion", "--seed", "1"], "beans of this world do not stick together", UsageError),
         (["table_tilt=much", "--seed", "1"], "no number after its =", UsageError),
         (["table_tilt=50", "--seed", "1"], "outside 0 to 5 deg", ParameterError),
         (["table_tilt", "backlash", "--seed", "1", "--world", "cable"], "leave out table_tilt, or --world", UsageError),

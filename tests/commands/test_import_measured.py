@@ -17,8 +17,9 @@ from app.discovery.dataset.model_under_test import Catalogue, Subject, catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
 from app.discovery.residuals.displacement_field import Basis, register
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.verdict import estimates_of
 from app.jobs.discovery_subject import subject_of
 from app.services.study import read_study

@@ -54,6 +54,8 @@ def test_impossible_sizes_and_contradictions_are_refused(tmp_path: Path):
     with pytest.raises(UsageError, match="radius_m"):
         full_name("rope_push", dynamics=None, sizes=file(tmp_path, "radius_m = 0.1"))
     with pytest.raises(UsageError, match="leave --object out"):
+        full_name("cloth_hang", dynamics=None, sizes=file(tmp_path, ROPE))
+    with pytest.raises(UsageError, match="Known: count, mass_kg"):
         full_name("bean_sweep", dynamics=None, sizes=file(tmp_path, ROPE))
     with pytest.raises(UsageError, match="contradicts"):
         full_name("rope_push@rods", dynamics="mpm")

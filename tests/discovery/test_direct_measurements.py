@@ -9,9 +9,10 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.inference.screen import prior_of
 from app.discovery.inference.weighing import weigh
 from app.discovery.residuals.direct_measurements import direct_blocks, direct_rows, row_of
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, secant_of, steps_of
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import REGION, PushDesign, midway_s, random_track

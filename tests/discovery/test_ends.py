@@ -8,9 +8,10 @@ import pytest
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.ends import find_ends, turn_rows
 from app.discovery.inference.screen import steps_of
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import residuals
+from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from bench.hidden.ropes import RopeCase

@@ -10,7 +10,8 @@ from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import ModelSelection, decide
 from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.verdict import verdict_of
 from app.discovery.unexplained.formula import UnexplainedForce, fit_unexplained_force

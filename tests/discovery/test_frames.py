@@ -7,7 +7,7 @@ import pytest
 
 from app.discovery.checks.frames import frame_tests
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.predict import SimulationBatch, prepare
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.case import FrameTest
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign, random_track

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.localize import KEPT, lattice, log_bayes_of_each
 from app.discovery.inference.screen import refit, screen
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import Chosen

@@ -11,7 +11,8 @@ from app.discovery.inference.decide import NAMED, probabilities_of
 from app.discovery.inference.held_out import held_out_gain
 from app.discovery.inference.refine import refine, start_of
 from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.tasks import load

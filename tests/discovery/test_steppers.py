@@ -9,8 +9,9 @@ import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.residuals.displacement_field import MODES, Basis, register
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import STARTS, residuals
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.residuals.steppers import material_coordinates
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
@@ -103,7 +104,7 @@ def test_the_catalogue_of_rods_has_what_acts_on_them_with_every_parameter_in_its
     names = {cause.name for cause in KNOWN.causes}
     missing = {cause.name for cause in of_particles.causes} - names
     numerics = set(NUMERICS) - set(ROD_NUMERICS)
-    assert missing == {"adhesion", "cohesion", "rolling_resistance", "shear_thinning", *numerics}
+    assert missing == {"adhesion", "rolling_resistance", *numerics}
     assert names - {cause.name for cause in of_particles.causes} == set(ROD_NUMERICS) - set(NUMERICS)
     for cause in KNOWN.causes:
         if cause.name not in ANY_NUMERICS:

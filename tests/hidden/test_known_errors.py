@@ -8,7 +8,8 @@ from app.core.geometry.track import Track
 from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import Catalogue, catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign

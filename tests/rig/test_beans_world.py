@@ -13,8 +13,8 @@ from app.core.types import ToolPose
 from app.rig.simulated.cameras.appearance import surfaces
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.worlds.arm_model import link_frames
-from app.rig.simulated.worlds.beans_world import BeanPhysics, BeansWorld
-from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.worlds.beans_world import BeansWorld
+from app.rig.simulated.worlds.physics import BEAN_WORLD, RollingPhysics, WorldPhysics
 from app.tasks.bean_sweep import BEANS, MAT, PADDLE, TASK
 
 TICK_S = 0.01
@@ -37,7 +37,7 @@ def bed(rows: int = 5, columns: int = 8, middle: tuple[float, float] = (0.5, 0.0
     return np.stack([at - reach, at + reach], axis=1).reshape(-1, 3)
 
 
-def world(nodes: np.ndarray | None = None, *, physics: BeanPhysics | None = None) -> BeansWorld:
+def world(nodes: np.ndarray | None = None, *, physics: WorldPhysics | None = None) -> BeansWorld:
     nodes = bed() if nodes is None else nodes
     beans = dataclasses.replace(BEANS, count=len(nodes) // 2, mass_kg=0.001 * len(nodes) / 2)
     return BeansWorld(beans, PADDLE, nodes, physics=physics)
@@ -150,7 +150,7 @@ def test_swept_beans_come_to_rest_within_a_second_and_near_the_paddle(speed_m_s:
 
 def test_beans_that_hit_each_other_share_their_momentum() -> None:
     """Without friction on the table, both beans keep all the momentum that the paddle gave them."""
-    free = BeanPhysics(world=WorldPhysics(table_friction=1e-4), rolling_m=1e-9, spin_m=1e-9)
+    free = WorldPhysics(table_friction=1e-4, rolling=RollingPhysics(rolling_m=1e-9, spin_m=1e-9))
     table = world(bed(2, 1), physics=free)
     sweep(table, (0.475, 0.0), (0.500, 0.0), 0.2)
     table.place(pose(0.3, 0.0, 0.3))
@@ -162,7 +162,7 @@ def test_beans_that_hit_each_other_share_their_momentum() -> None:
 
 def test_more_rolling_resistance_stops_beans_sooner() -> None:
     def reach(rolling_m: float) -> float:
-        table = world(physics=dataclasses.replace(BeanPhysics(), rolling_m=rolling_m))
+        table = world(physics=dataclasses.replace(BEAN_WORLD, rolling=RollingPhysics(rolling_m=rolling_m)))
         sweep(table, (0.44, 0.0), (0.60, 0.0), 0.3)
         return float(wait(table, 1.5)[:, 0].max())
 

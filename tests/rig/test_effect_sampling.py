@@ -94,4 +94,4 @@ def test_a_rope_of_another_size_is_of_the_same_material() -> None:
         assert curvature == pytest.approx(before)
         if nominal.cable is not None and made.cable is not None:
             assert made.cable.rigidity_n_m2 == pytest.approx(nominal.cable.rigidity_n_m2 / 16)
-    assert mistune(5, rope=cell) == mistune(5)
+    assert mistune(5, body=cell) == mistune(5)

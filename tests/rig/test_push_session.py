@@ -5,7 +5,7 @@ import pytest
 
 from app.policy.random_pushes import REGION, PushDesign
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import BEGIN_S, SLOT_S, PushSample, first_end
+from app.rig.simulated.push_session import BEGIN_S, SLOT_S, PushSample, first_start
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from bench.rehearsal import rehearse
@@ -61,7 +61,7 @@ def test_the_rope_is_laid_anew_in_each_episode_with_its_ends_nearest_to_where_th
     last, laid = plain[1].after.snapshot.nodes, plain[2].before.snapshot.nodes
     ends = last[[0, -1], :2]
     assert np.linalg.norm(laid[[0, -1], :2] - ends) <= np.linalg.norm(laid[[-1, 0], :2] - ends)
-    assert plain[0].before.snapshot.nodes[0, :2] == pytest.approx(first_end(TASK, PLAN, 1), abs=2e-3)
+    assert plain[0].before.snapshot.nodes[0, :2] == pytest.approx(first_start(TASK, PLAN, 1)[0, :2], abs=2e-3)
 
 
 def test_a_late_image_shows_a_later_world_and_is_stamped_as_any(plain: list[PushSample]) -> None:

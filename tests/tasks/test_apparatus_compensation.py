@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.messages import Executed, Extension, Model, Parameter, Transition, fresh_id
@@ -13,6 +14,7 @@ from app.discovery.sensor_actuator_errors.base import Load
 from app.jobs.apparatus_compensation import Correction, correction
 from app.jobs.worker_api import nominal_model
 from app.policy.base import PARKED_POSE
+from app.tasks import load
 from tests.planner.table import SPACE, rope
 
 SITE = Site()
@@ -67,6 +69,19 @@ def test_an_arm_that_is_told_the_command_makes_the_motion(name: str) -> None:
     command = told(error, motion, before, rope(0.03))
     np.testing.assert_allclose(error.executed_path(command.positions, felt), motion.positions, atol=1e-5)
     np.testing.assert_array_equal(command.speeds, motion.speeds)
+
+
+def test_a_paddle_that_is_held_elsewhere_is_told_the_same_turns_and_goes_where_it_should() -> None:
+    task = load("bean_sweep")
+    beans = replace(model(tcp_x=0.006, tcp_y=-0.004), task="bean_sweep")
+    error, cloud = correction(beans), task.problems.particles(task.problems.start(2), 60)
+    motion = task.actions.motion(np.array([0.45, -0.1, 0.6, 0.1], np.float32), PARKED_POSE, SITE)
+    command = told(error, motion, cloud, cloud)
+    np.testing.assert_array_equal(command.turns, motion.turns)
+    offsets = (motion.positions - command.positions)[:, :2]
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), np.hypot(0.006, 0.004), atol=1e-6)
+    turned = Rotation.from_quat(motion.turns, scalar_first=True).apply([0.006, -0.004, 0.0])
+    np.testing.assert_allclose(offsets, turned[:, :2], atol=1e-6)
 
 
 def test_several_errors_at_once_are_undone_together() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import doubted_in, subject_of
 from app.policy.random_pushes import PushDesign
 from app.sim.model.params import index

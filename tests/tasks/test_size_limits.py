@@ -9,7 +9,8 @@ import pytest
 from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
 from app.tasks.elements.base import Task

@@ -24,6 +24,12 @@ def poses_at(
     return found
 
 
+def upright(turns: Float64[np.ndarray, "S 4"]) -> Float64[np.ndarray, "S 4"]:
+    """Quaternions w x y z of an upright tool, from those of the flange that holds it, whose z axis points down."""
+    w, x, y, z = turns.T
+    return np.stack([x, -w, -z, y], axis=1)
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:

@@ -34,7 +34,8 @@ _MILLI = 1e3
 
 def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
     """Contradictions of each kind."""
-    yield from _size(study, subject)
+    if subject.kind == "rope":
+        yield from _size(study, subject)
     yield from same_episodes(study)
     if subject.rods is not None:
         yield from _lengths(study, subject)
@@ -228,9 +229,14 @@ def _came_near(push: Push, subject: Subject) -> bool:
 
 def _reach_m(subject: Subject) -> float:
     """Distance of contact: `_NEAR_M`, or more if the tool or the object is larger."""
-    finger = subject.finger
-    own = 0.0 if finger is None else finger.radius_m + finger.half_width_m + subject.radius_m + _CLEAR_M
-    return max(_NEAR_M, own)
+    finger, paddle_half_m = subject.finger, subject.paddle_half_m
+    if paddle_half_m is not None:
+        tool_m = float(np.hypot(*paddle_half_m))
+    elif finger is not None:
+        tool_m = finger.radius_m + finger.half_width_m
+    else:
+        return _NEAR_M
+    return max(_NEAR_M, tool_m + subject.radius_m + _CLEAR_M)
 
 
 def _gap_m(x: Points, tips: np.ndarray) -> float:

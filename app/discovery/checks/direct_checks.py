@@ -8,8 +8,9 @@ from scipy.stats import t as student
 
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.residuals.direct_measurements import direct_rows, row_of
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import change_of, switch_of
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import Estimate
 
 _ARM_M = 0.3

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.discovery.residuals.predict import SimulationBatch
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import FrameTest
 
 _DRAWS = 250
@@ -29,15 +29,9 @@ def frame_tests(
         ("camera", "towards or away from the cameras: depth", _turn(means, _angles(places.mean(1) - camera))),
     ]
     tests = [_test(name, about, episode, means, _constant(turned)) for name, about, turned in frames]
-    tests.append(
-        _test(
-            "material",
-            "the same at the same place along the object: stiffness, mass, rest shape",
-            episode,
-            means,
-            _along(trials, arrows),
-        )
-    )
+    if trials.kind == "rope":
+        about = "the same at the same place along the object: stiffness, mass, rest shape"
+        tests.append(_test("material", about, episode, means, _along(trials, arrows)))
     tests.append(
         _test(
             "time",

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.discovery.residuals.displacement_field import AFTER, Basis, register
-from app.discovery.residuals.predict import SimulationBatch
+from app.discovery.residuals.displacement_field import register
 from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import Limit
 
 _ENOUGH = 0.9
@@ -16,7 +16,7 @@ _MM = 1e3
 
 def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
-    simulated = np.any(data.known[:, AFTER], axis=1)
+    simulated = np.any(data.known[:, trials.after_rows], axis=1)
     count = int(simulated.sum())
     if count < _ENOUGH * len(data):
         yield Limit(
@@ -29,7 +29,7 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
         )
     if not count:
         return
-    errors = np.sqrt((data.r[simulated][:, AFTER] ** 2).sum(1))
+    errors = np.sqrt((data.r[simulated][:, trials.after_rows] ** 2).sum(1))
     moved = np.array([_moved_m(trials, int(k)) for k in np.flatnonzero(simulated)])
     if errors.mean() >= moved.mean():
         yield Limit(
@@ -46,7 +46,7 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
 
 
 def _moved_m(trials: SimulationBatch, k: int) -> float:
-    """Root mean square displacement of the object along it by a push."""
+    """Root of the sum of squares of the amplitudes of what a push does to the object."""
     before = trials.clouds[k]
-    basis = Basis.along(before, trials.labels[k, :, 0])
+    basis = trials.basis(k, "after", before)
     return float(np.linalg.norm(register(before, trials.observed.after[k], basis)))

@@ -8,6 +8,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import RodModel
+from app.sim.effects.base import ObjectKind
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights, labels_by_rank
 from app.sim.rods.state import RodStart
 
@@ -16,13 +17,16 @@ _NODES: Final = 24
 
 
 def label_particles(
-    clouds: Sequence[Points], rods: RodModel | None = None
+    clouds: Sequence[Points], rods: RodModel | None = None, kind: ObjectKind = "rope"
 ) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
     """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
 
     Which end is the first is kept from cloud to cloud, by which lies nearer to where it was. `rods`: the order along
-    the object is that of its rod, which is right where strands touch, too.
+    the object is that of its rod, which is right where strands touch, too. What is no rope has no labels.
     """
+    if kind != "rope":
+        nothing = [unlabelled(cloud) for cloud in clouds]
+        return np.stack([label for label, _ in nothing]).astype(np.float32), np.stack(clouds).astype(np.float32)
     labels, middles = list[np.ndarray](), list[np.ndarray]()
     last: np.ndarray | None = None
     for cloud in clouds:
@@ -42,6 +46,11 @@ def label_of(
 ) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
     """Labels of points that are so far `along` an object (0 to 1), and its middle [m] there."""
     return _label(along, _nodes(along, cloud), cloud)
+
+
+def unlabelled(cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
+    """Labels of an object without a length, which say nothing; each point is its own middle."""
+    return np.zeros((len(cloud), 4)), cloud.astype(np.float64)
 
 
 def middles_of(along: Float32[np.ndarray, " N"], cloud: Points) -> Float64[np.ndarray, "N 3"]:

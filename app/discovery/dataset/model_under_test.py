@@ -13,13 +13,14 @@ from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.discovery import sensor_actuator_errors
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
-from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, is_place
+from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, ObjectKind, is_place
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, ROD_NUMERICS, RodUnknown
 from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
 from app.sim.model.scene import Scene
 from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.scene import RodScene
+from app.sim.tools.base import COORDINATES
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
 """Values of all parameters of a `Catalogue`, in its order."""
@@ -64,7 +65,10 @@ class Subject:
     unsaid: frozenset[str] = frozenset()
     """Sizes that the data do not give, by their names in `tasks.elements.sizes.SIZES`."""
     finger: Finger | None = None
-    """The tool, where it is known which it is."""
+    """The tool, where it is a finger and known which it is."""
+    kind: ObjectKind = "rope"
+    paddle_half_m: tuple[float, float] | None = None
+    """Half the width and half the thickness of the paddle; None of another tool."""
 
     @property
     def gravity_scale(self) -> float:
@@ -76,6 +80,22 @@ class Subject:
     def step_s(self) -> float:
         """Time step, in real time."""
         return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.time_scale
+
+    @property
+    def is_ensemble(self) -> bool:
+        """True if every push is simulated from several beginnings: of rods, and of pieces, which are chaotic."""
+        return self.rods is not None or self.kind != "rope"
+
+    @property
+    def tool_coordinates(self) -> int:
+        """Numbers of a tool's pose that the simulator takes: 3 of what is not turned, 7 with its quaternion."""
+        return 3 if self.rods is not None else max(COORDINATES[tool.motion] for tool in self.scene.tools)
+
+    def catalogue(
+        self, *, origin_m: tuple[float, float] = (0.0, 0.0), reach_m: tuple[float, float] = REACH_M
+    ) -> "Catalogue":
+        """The causes that it may be asked about: see `catalogue`."""
+        return catalogue(self.rods, kind=self.kind, origin_m=origin_m, reach_m=reach_m)
 
     def numeric(self, name: str) -> "Subject":
         """The subject with one of `NUMERICS` at 1, which change what is compiled."""
@@ -118,6 +138,7 @@ class Catalogue:
     """Each with the column of its first parameter."""
     rods: bool = False
     """True for objects as rods."""
+    kind: ObjectKind = "rope"
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of its places in the frame in which they are reported."""
     reach_m: tuple[float, float] = REACH_M
@@ -181,12 +202,14 @@ def unknowns_of(unsaid: Collection[str]) -> tuple[tuple[str, RodUnknown], ...]:
 def catalogue(
     rods: RodModel | None = None,
     *,
+    kind: ObjectKind = "rope",
     origin_m: tuple[float, float] = (0.0, 0.0),
     reach_m: tuple[float, float] = REACH_M,
 ) -> Catalogue:
     """Catalogue of all effect files of simulator and apparatus, and numerics; all parameters, libraries' too.
 
-    `rods`: of an object as a rod, on which not every effect acts. Parameters stand in the same columns, but numerics.
+    `rods`: of an object as a rod, on which not every effect acts; `kind`: of object, likewise. Parameters stand in the
+    same columns, but numerics.
     `origin_m`, `reach_m`: see `Catalogue`.
     """
     stiffest = Scene.stiffest_pa if rods is None else rods.scene.max_rigidity_n_m2 / rods.scene.second_moment_m4
@@ -194,7 +217,7 @@ def catalogue(
     causes = list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
-        if not effect.catalogued or (rods is not None and effect.rod is None):
+        if not effect.catalogued or kind not in effect.objects or (rods is not None and effect.rod is None):
             continue
         columns = tuple(index(spec.name) for spec in effect.parameters)
         causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
@@ -205,7 +228,8 @@ def catalogue(
         specs += effect.parameters
         held.append((effect, first))
         columns = tuple(range(first, len(specs)))
-        causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
+        if kind in effect.objects:
+            causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
     # What is compiled can only be finer, wider or earlier.
     numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]
     if rods is not None:
@@ -227,6 +251,7 @@ def catalogue(
         causes=tuple(causes),
         apparatus=tuple(held),
         rods=rods is not None,
+        kind=kind,
         origin_m=origin_m,
         reach_m=reach_m,
     )

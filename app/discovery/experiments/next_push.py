@@ -13,12 +13,14 @@ from jaxtyping import Float32, Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
-from app.discovery.dataset.model_under_test import Theta
+from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.names import effect_name
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.predict import Predictor, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.case import NextPush
-from app.policy.random_pushes import PushDesign, random_track
+from app.policy.random_pushes import PushDesign, Stroke, random_stroke
+from app.policy.random_sweeps import random_sweep, sweep_design
 from app.sim.effects.base import MIDDLE_M
 
 _CANDIDATES = {"cpu": 24, "gpu": 200}
@@ -71,16 +73,27 @@ def _possible_pushes(
 ) -> Study:
     """Pushes that might be made from where the object is now."""
     rng, start_s = np.random.default_rng(seed), last.time_s + _PAUSE_S
-    before, plan = replace(last, time_s=start_s), PushDesign()
-    pushes, finger = list[Push](), predictor.subject.finger
-    core_m = (0.0, 0.0) if finger is None else finger.half_m
+    before, pushes = replace(last, time_s=start_s), list[Push]()
     x, y = (reach - _EDGE_M for reach in predictor.catalogue.reach_m)
     region = (MIDDLE_M[0] - x, MIDDLE_M[1] - y, MIDDLE_M[0] + x, MIDDLE_M[1] + y)
     for _ in range(count):
-        track = random_track(rng, last.points, plan, start_s=start_s, height_m=height_m, core_m=core_m, region=region)
+        stroke = _random_stroke(rng, last.points, predictor.subject, region)
+        track = stroke.track(start_s=start_s, height_m=height_m)
         after = replace(last, time_s=track.end_s)
         pushes.append(Push(episode=0, before=before, during=(), after=after, command=track, measured=None))
     return replace(study, pushes=tuple(pushes), tables={})
+
+
+def _random_stroke(
+    rng: np.random.Generator, x: Points, subject: Subject, region: tuple[float, float, float, float]
+) -> Stroke:
+    """A push of the finger or a sweep of the paddle."""
+    if subject.paddle_half_m is not None:
+        return random_sweep(
+            rng, x, sweep_design(1, 1), radius_m=subject.radius_m, half_m=subject.paddle_half_m, region=region
+        )
+    core_m = (0.0, 0.0) if subject.finger is None else subject.finger.half_m
+    return random_stroke(rng, x, PushDesign(), core_m, region)
 
 
 def _apart(ends: Float32[np.ndarray, "M C N 3"], probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:

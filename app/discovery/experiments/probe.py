@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from app.discovery.dataset.model_under_test import Subject, Theta, catalogue
+from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.names import effect_name
 from app.discovery.dataset.study import Study
 from app.discovery.inference.calibration import calibration
@@ -29,8 +29,9 @@ from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.direct_measurements import direct_blocks
 from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step, hypotheses_of, steps_of
+from app.discovery.residuals.simulation_batch import prepare
 
 Stop: TypeAlias = Literal["named", "none left", "budget"]
 NOTHING: Final = "nothing missing"
@@ -93,7 +94,7 @@ class Belief:
 
 def first_belief(subject: Subject) -> Belief:
     """Belief before any push: all causes that need no place are equally probable."""
-    known = catalogue(subject.rods)
+    known = subject.catalogue()
     about = known.nominal(subject)
     steps = _one_way(steps_of(known, subject.calibrated, {}))
     prior = prior_of(known, subject.calibrated, about, steps)
@@ -118,7 +119,7 @@ def first_belief(subject: Subject) -> Belief:
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def belief_of_study(study: Study, subject: Subject) -> Belief:
     """Belief from the pushes of a study, by the refit and the screening of `dipac discover`; takes up to a minute."""
-    predictor = Predictor(subject, catalogue(subject.rods))
+    predictor = Predictor(subject, subject.catalogue())
     trials = prepare(study, subject)
     return belief_of(screen(predictor, trials, refit(predictor, trials)))
 

@@ -16,13 +16,14 @@ from app.core.errors import PlanningError
 from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import label_particles
-from app.discovery.dataset.model_under_test import RodModel, Subject, catalogue
+from app.discovery.dataset.model_under_test import RodModel, Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.next_push import push_words
 from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weigh_gains
 from app.discovery.inference.mixed_effects import information_of
-from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch, prepare
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import residuals
+from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, prepare
 from app.policy.random_pushes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
@@ -99,7 +100,7 @@ def choose(subject: Subject, belief: Belief, scene: PushSituation, *, seed: int)
 
     Raises PlanningError where none that was drawn may be made and moves the object.
     """
-    predictor = Predictor(subject, catalogue(subject.rods))
+    predictor = Predictor(subject, subject.catalogue())
     candidates = moving(predictor, belief, scene, candidates_of(belief, scene, np.random.default_rng(seed)))
     if not candidates:
         raise PlanningError(

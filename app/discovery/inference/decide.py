@@ -21,8 +21,9 @@ from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Z90, weigh
 from app.discovery.residuals.forces import FORMULA
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import apply_step, hypotheses_of
+from app.discovery.residuals.simulation_batch import SimulationBatch
 
 TEMPERATURE = 2.0
 """Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""

@@ -16,9 +16,10 @@ from scipy.spatial import KDTree
 from app.discovery.dataset.model_under_test import Cause, Theta
 from app.discovery.inference.mixed_effects import fit_mixed_effects, forms_of
 from app.discovery.inference.weighing import Prior
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, residuals, steps_of
+from app.discovery.residuals.simulation_batch import SimulationBatch
 
 KEPT: Final = 3
 """Places of a cause that the screening asks about."""

@@ -14,9 +14,10 @@ from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, fit_mixed_effects
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Prior, log_evidence, posterior
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, apply_step, residuals, switch_of
+from app.discovery.residuals.simulation_batch import SimulationBatch
 
 _ROUNDS = 5
 _PART = 0.4

@@ -13,11 +13,11 @@ from app.discovery.inference.ends import Ends, find_ends, turn_rows
 from app.discovery.inference.localize import Located, likeliest_places
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, null_prior, weigh
-from app.discovery.residuals.displacement_field import AFTER, Basis
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, hypotheses_of, residuals, steps_of
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.sim.model.numerics import ANY_NUMERICS, ROD_NUMERICS
 
 _REFITS = 5
@@ -72,7 +72,7 @@ def refit(predictor: Predictor, trials: SimulationBatch) -> Theta:
     """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = _fitted_first(predictor)
-    about, starts = catalogue.nominal(predictor.subject), 1 if catalogue.rods else STARTS
+    about, starts = catalogue.nominal(predictor.subject), 1 if predictor.subject.is_ensemble else STARTS
     for turn in range(_REFITS):
         prior = prior_of(catalogue, calibrated, about, own)
         sloped = residuals(predictor, trials, about, own, replicas=2, starts=starts)
@@ -179,7 +179,9 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
         [
             (0.0, CALIBRATED)
             if step.cause in calibrated
-            else null_prior(families[step.cause], catalogue.specs[step.column], rods=catalogue.rods)
+            else null_prior(
+                families[step.cause], catalogue.specs[step.column], rods=catalogue.rods, kind=catalogue.kind
+            )
             for step in steps
         ]
     )
@@ -225,7 +227,7 @@ def arrows_of(
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):
         if np.isfinite(cloud).all():
-            arrows[k] = Basis.along(cloud, trials.labels[k, :, 0]).field(data.r[k, AFTER])
+            arrows[k] = trials.basis(k, "after", cloud).field(data.r[k, trials.after_rows])
     return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
 
 

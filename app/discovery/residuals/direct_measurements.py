@@ -14,8 +14,9 @@ from app.core.geometry.tool_surface import ToolView, middle_of
 from app.core.types import Cloud
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.dataset.study import Push
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.sensor_actuator_errors.base import Eye
 from app.sim.model.params import PARAMETERS
 
@@ -176,9 +177,9 @@ def _log(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) ->
 def _girth(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) -> Float64[np.ndarray, "1"] | None:
     """Distance within which half of the object's points are from its middle line, less that of an object of its radius.
 
-    Nothing where nobody said the radius.
+    Nothing where nobody said the radius, or it has no length.
     """
-    if "radius_m" in predictor.subject.unsaid:
+    if trials.kind != "rope" or "radius_m" in predictor.subject.unsaid:
         return None
     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
     points = predictor.unproject(trials.study.pushes[k].before.points, eye, theta)

@@ -17,11 +17,14 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from app.core.types import Points
+from app.sim.effects.base import MIDDLE_M
 
 MODES = 8
 """Cosines along the object, the constant included; each across and along it. Amplitudes: 2 MODES a view."""
 AFTER = slice(2 * MODES, 4 * MODES)
 """Rows of the residuals of a view after a push; those of the one during it come first."""
+PIECE_MODES = 12
+"""Amplitudes a view of loose pieces."""
 REVERSED = np.tile(-((-1.0) ** np.arange(MODES)), 4)
 """Sign of each row of both views where the object's other end is called the first: across and along turn round, and so
 do odd cosines."""
@@ -33,6 +36,9 @@ _REACH_M = 0.03
 _PRIOR_M = np.concatenate([np.full(MODES, 0.03), [0.03], np.full(MODES - 1, 0.002)])
 """Prior standard deviation of each mode, which keeps those that a view does not determine at zero. Ropes do not
 stretch: along them, all modes but the first are strain, and an uneven density would be taken for it."""
+_FIELD_M, _NEAR_M = 0.2, 0.06
+"""Unit of place of the field over all pieces, and of that about the tool: a paddle's half width and a bean."""
+_PIECES_PRIOR_M = np.array([0.02, 0.005, 0.005] * 2 + [0.03, 0.02, 0.02] * 2)
 _POINT_NOISE_M = 2e-3
 _DRAWN = 0.3
 """Randomness of the points' spread: 0 is even, 1 is drawn at random (embedding covariances of both kinds)."""
@@ -46,19 +52,38 @@ _SMOOTHING = 0.06
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Basis:
-    """Displacements (N, 2 MODES, 2) of a cloud's points by a unit of each mode: first across, then along the object."""
+    """Displacements (N, Q, 2) of a cloud's points by a unit of each mode, and the modes' prior deviations [m]."""
 
     vectors: Float64[np.ndarray, "N Q 2"]
+    prior_m: Float64[np.ndarray, " Q"]
 
     @classmethod
     def along(cls, cloud: Points, place: Float32[np.ndarray, " N"]) -> "Basis":
-        """Basis for points at `place` (-1 to 1) along an object."""
+        """Basis for points at `place` (-1 to 1) along an object: 2 MODES, first across, then along it."""
         tangents = _directions(cloud[:, :2].astype(np.float64), place.astype(np.float64))
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
         order = np.arange(MODES)
         shapes = np.cos(np.pi / 2 * order * (place[:, None] + 1)) * np.where(order == 0, 1.0, np.sqrt(2.0))
         across, forth = shapes[:, :, None] * normals[:, None], shapes[:, :, None] * tangents[:, None]
-        return cls(vectors=np.concatenate([across, forth], axis=1))
+        return cls(vectors=np.concatenate([across, forth], axis=1), prior_m=_PRIOR_M)
+
+    @classmethod
+    def around(cls, cloud: Points, tool: Float64[np.ndarray, "4"]) -> "Basis":
+        """Basis for loose pieces on a table: `PIECE_MODES`.
+
+        An affine field over all of them, as errors of cameras make it, along x and y; and one that dies out about the
+        tool, as errors of what it pushed do, ahead of it and across. `tool`: x and y of its middle [m], and the unit
+        vector along which it goes.
+        """
+        x, ahead = cloud[:, :2].astype(np.float64), tool[2:]
+        turned = np.stack([ahead, [-ahead[1], ahead[0]]])
+        about, near = (x - MIDDLE_M) / _FIELD_M, (x - tool[:2]) @ turned.T / _NEAR_M
+        everywhere = np.concatenate([np.ones((len(x), 1)), about], axis=1)
+        window = np.exp(-(near**2).sum(1, keepdims=True) / 2)
+        nearby = window * np.concatenate([np.ones((len(x), 1)), near], axis=1)
+        fields = ((everywhere, np.eye(2)), (nearby, turned))
+        vectors = np.concatenate([shapes[:, :, None] * axis for shapes, axes in fields for axis in axes], axis=1)
+        return cls(vectors=vectors, prior_m=_PIECES_PRIOR_M)
 
     def field(self, amplitudes: Float64[np.ndarray, " Q"]) -> Float64[np.ndarray, "N 2"]:
         """The displacement of each point [m]."""
@@ -87,8 +112,8 @@ def register(predicted: Points, observed: Points, basis: Basis) -> Float64[np.nd
             along = here[:, :1] * forth + here[:, 1:] * left
             slope = (centres[:, :1] * (k @ forth) + centres[:, 1:] * (k @ left) - k @ along) / width**2
             W, r = root @ slope, root @ (target - k.sum(1))
-            normal = W.T @ W + np.diag(1 / _PRIOR_M**2)
-            step = np.linalg.solve(normal, W.T @ r - amplitudes / _PRIOR_M**2)
+            normal = W.T @ W + np.diag(1 / basis.prior_m**2)
+            step = np.linalg.solve(normal, W.T @ r - amplitudes / basis.prior_m**2)
             longest = float(np.abs(step).max())
             amplitudes = amplitudes + step * min(1.0, _LARGEST_STEP_M / max(longest, 1e-12))
             if longest < 2e-5:

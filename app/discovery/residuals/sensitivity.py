@@ -15,9 +15,10 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
-from app.discovery.residuals.displacement_field import MODES, REVERSED, Basis, register
-from app.discovery.residuals.predict import Predictor, PushParticles, SimulationBatch
+from app.discovery.residuals.displacement_field import register
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
+from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, View
 from app.sim.model.numerics import NUMERICS
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
@@ -33,7 +34,7 @@ _TOLD_SIZES = (0.125, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
 REPLICAS = 6
 """Simulations of each push from a start that is disturbed by the noise of the cameras."""
 STARTS = 4
-"""Beginnings of each push of a rod: as it was seen, and as the cameras may have missed it."""
+"""Beginnings of each push of an ensemble: as it was seen, and as the cameras may have missed it."""
 _ERRING, _ROD_ERRING = 0.3, 0.15
 """Error of the simulator in each push, as a share of a step of every effect that changes the simulation. With it the
 fits of material points to 20 recordings in which nothing was hidden scatter 1.5 times as much as they say; without it,
@@ -115,13 +116,14 @@ def residuals(
 ) -> Residuals:
     """Residuals about a model, their slopes for each step, and random effects of each push.
 
-    That is what the noise of the cameras at its start does, and a share of every step of what is simulated. Of rods all
-    of it is the mean over so many `starts`, which are the same for every model: a push that is chaotic says little.
+    That is what the noise of the cameras at its start does, and a share of every step of what is simulated. Of rods
+    and of pieces all of it is the mean over so many `starts`, which are the same for every model: a push that is
+    chaotic says little.
     """
     catalogue = predictor.catalogue
     changes = [secant_of(predictor, trials, about, step) for step in steps]
     beginnings = [trials]
-    if predictor.subject.rods is not None:
+    if predictor.subject.is_ensemble:
         beginnings += [trials.with_noise(seed) for seed in range(starts - 1)]
     runs = [_simulate(predictor, beginning, about, steps, changes) for beginning in beginnings]
     base, displaced = _mean_of(runs)
@@ -144,8 +146,13 @@ def residuals(
 
 
 def _erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, " P"]:
-    """The share of each step by which the simulator errs in a push; less of each where several ways are asked about."""
-    outside = {cause.name for cause in catalogue.causes if cause.family in ("sensing", "actuation")}
+    """The share of each step by which the simulator errs in a push; less of each where several ways are asked about.
+
+    Of ropes that is what physics do. What a paddle does to pieces it errs about as well: one that is 4 mm higher leaves
+    some of them behind in the simulation, and none in the world.
+    """
+    apparatus = ("sensing", "actuation") if catalogue.kind == "rope" else ()
+    outside = {cause.name for cause in catalogue.causes if cause.family in apparatus}
     asked = Counter((step.cause, step.column) for step in steps)
     ways = np.array([asked[step.cause, step.column] for step in steps], np.float64)
     simulated = np.array([step.cause not in outside for step in steps], np.float64)
@@ -302,17 +309,18 @@ def _assemble(
     replicas: Sequence[PushParticles],
 ) -> Residuals:
     """Amplitudes of the view during and after each push, in that order; 0 and masked for a missing view."""
-    count, width = len(trials), 2 * MODES
+    count, width = len(trials), trials.modes
     r, known = np.zeros((count, 2 * width)), np.zeros((count, 2 * width), bool)
     J, spread = np.zeros((count, 2 * width, len(changes))), np.zeros((count, 2 * width, len(replicas)))
     scale = np.array([1 / steps if steps > 0 else 0.0 for steps in apart])
-    for view, name in enumerate(("during", "after")):
+    views: tuple[View, View] = ("during", "after")
+    for view, name in enumerate(views):
         rows = slice(view * width, (view + 1) * width)
         for k in range(count):
             predicted, observed = getattr(base, name)[k], getattr(trials.observed, name)[k]
             if (name == "during" and not trials.has_during[k]) or not np.isfinite(predicted).all():
                 continue
-            basis = Basis.along(predicted, trials.labels[k, :, 0])
+            basis = trials.basis(k, name, predicted)
             r[k, rows] = register(predicted, observed, basis)
             if changes:
                 displaced = np.stack([getattr(each, name)[k][:, :2] for each in changes])
@@ -328,5 +336,5 @@ def _assemble(
         spread=spread,
         known=known,
         episode=np.array([push.episode for push in trials.study.pushes]),
-        blocks=(Block(slice(0, 2 * width), reversed=REVERSED),),
+        blocks=(Block(slice(0, 2 * width), reversed=trials.reversed),),
     )

@@ -84,7 +84,7 @@ class Limit:
 class ResidualField:
     """Residual displacements of the object about the refitted nominal model: places and displacements [m] (M, 2).
 
-    `push`: index of each one's push; `along`: place along the object, -1 to 1.
+    `push`: index of each one's push; `along`: place along the object, -1 to 1; 0 of loose pieces.
     """
 
     places: Float32[np.ndarray, "M 2"]

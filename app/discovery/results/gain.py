@@ -18,9 +18,10 @@ from app.discovery.inference.held_out import left_out_thetas
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.residuals.displacement_field import Basis, register
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.displacement_field import register
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import apply_step
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import Example, Gain
 
 Clouds: TypeAlias = Float32[np.ndarray, "K N 3"]
@@ -122,7 +123,7 @@ def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
     """Mean length of the displacement from the prediction to the observation."""
     if not np.isfinite(predicted).all():
         return float("nan")
-    basis = Basis.along(predicted, trials.labels[k, :, 0])
+    basis = trials.basis(k, "after", predicted)
     field = basis.field(register(predicted, trials.observed.after[k], basis))
     return _MM * float(np.linalg.norm(field, axis=1).mean())
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.track import Track
+from app.sim.effects.base import EVERY, ObjectKind
 from app.sim.parameter import NullPrior, ParameterSpec
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
@@ -48,7 +49,7 @@ class Apparatus:
     `drive(track, load, values)`: where the tip went, of where the record says it went; `see(points, eye, values)`:
     where the cameras say that points are; `late_s(values)`: by how much images are younger than their stamps say.
     `told`: whether the arm measures the effect itself, so that a measured track is free of it.
-    `spelling`: see `Effect`.
+    `objects`, `spelling`: see `Effect`.
     """
 
     family: Literal["sensing", "actuation"]
@@ -57,6 +58,7 @@ class Apparatus:
     see: See | None = None
     late_s: Callable[[Values], float] | None = None
     told: bool = False
+    objects: frozenset[ObjectKind] = EVERY
     spelling: tuple[str, str] | None = None
 
 

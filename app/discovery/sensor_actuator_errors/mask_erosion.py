@@ -7,6 +7,7 @@ looks thinner in every image, moving or not.
 import numpy as np
 
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Places, Values, one
+from app.sim.effects.base import ROPES
 
 _LEAST_M = 1e-4
 
@@ -24,6 +25,7 @@ def _see(points: Places, eye: Eye, values: Values) -> Places:
 
 EFFECT = Apparatus(
     family="sensing",
+    objects=ROPES,
     parameters=one(
         "mask_erosion", "m", 0.0015, 0.004, "Width of the rim that is not seen.", least=-0.004, null_prior=(-0.29, 0.15)
     ),

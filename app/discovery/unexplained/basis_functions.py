@@ -16,9 +16,10 @@ from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
 from app.discovery.inference.weighing import NULL_PRIOR_SD, ModelComparison, Prior, weigh
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step, residuals
+from app.discovery.residuals.simulation_batch import SimulationBatch
 
 
 @final

@@ -17,9 +17,10 @@ from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import HypothesisResult, Prior, log_evidence, weigh
 from app.discovery.residuals.forces import FEATURES, FORMULA, parameters, with_formula
-from app.discovery.residuals.predict import Predictor, SimulationBatch
+from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import Step
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.unexplained.basis_functions import BasisFunctions, Widened, library
 from app.discovery.unexplained.residual_test import ResidualTest, leftover, something_left
 

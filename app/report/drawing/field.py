@@ -22,11 +22,12 @@ _BINS = 12
 
 
 def field(case: Case) -> Markup:
-    """The map, and beside it the same residuals by position along the object and by push."""
+    """The map, and beside it the same residuals by push, and by place along an object that has a length."""
     arrows = case.arrows
     if not len(arrows.places):
         return paragraph("No residuals were measured: there are no pushes that the model could be compared with.")
-    return columns(_map_figure(case), tag("div", _along_figure(arrows), _pushes_figure(arrows)), kind="map")
+    by_place = [_along_figure(arrows)] if arrows.along.any() else []  # Loose pieces have no place along anything.
+    return columns(_map_figure(case), tag("div", *by_place, _pushes_figure(arrows)), kind="map")
 
 
 def _map_figure(case: Case) -> Markup:

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.geometry.scene_description import Rope, RopeModel
+from app.core.geometry.scene_description import Beans, Body, Rope, RopeModel
 from app.rig.simulated import injected_effects
-from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect
-from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, with_size
+from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, InjectedParameter
+from app.rig.simulated.worlds.physics import BEAN_WORLD, ROPE_WORLDS, WorldPhysics, with_size
 from app.sim import effects
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
 
 MISTUNED = 0.3
-"""Largest deviation of the friction of table and finger and of the rope's stiffness, as a share of the nominal
-world's."""
+"""Largest deviation of the friction of table and tool and of the rope's stiffness or the beans' rolling, as a share of
+the nominal world's."""
 _DRAWS, _TUNING = 1, 2
 """Random streams of a seed, so that none depends on the draws of another."""
 
@@ -41,16 +41,16 @@ def not_injectable() -> dict[str, str]:
     return {name: reason for name, reason in (said | own).items() if reason}
 
 
-def draw(requests: Sequence[InjectionRequest], seed: int) -> tuple[InjectedEffect, ...]:
+def draw(requests: Sequence[InjectionRequest], seed: int, body: type[Body] = Rope) -> tuple[InjectedEffect, ...]:
     """The effects with random directions, positions and signs of `seed`, in alphabetical order.
 
-    Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
-    range.
+    `body`: class of the object that they are hidden in. Raises UsageError for an effect that is unknown, impossible, of
+    no such object or requested twice, ParameterError for a size out of range.
     """
     rng = np.random.default_rng([seed, _DRAWS])
     return tuple(
         InjectedEffect(name=name, effect=effect, values=effect.draw(size, rng))
-        for name, effect, size in _requested_effects(requests)
+        for name, effect, size in _requested_effects(requests, body)
     )
 
 
@@ -63,18 +63,30 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistune(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
-    `rope`: one of other sizes than the cell's.
+    `body`: a rope of other sizes than the cell's, or beans, whose resistance to rolling is perturbed.
     """
-    table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
-    nominal = ROPE_WORLDS[world] if rope is None else with_size(ROPE_WORLDS[world], rope)
+    table, tool, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
+    if isinstance(body, Beans):
+        nominal, rolling_m = BEAN_WORLD, BEAN_WORLD.rolling.rolling_m * stiffness
+        rubbing = replace(nominal, rolling=replace(nominal.rolling, rolling_m=rolling_m))
+    else:
+        nominal = ROPE_WORLDS[world] if body is None else with_size(ROPE_WORLDS[world], body)
+        rubbing = _with_stiffness(nominal, stiffness)
+    return replace(
+        rubbing,
+        table_friction=nominal.table_friction * table,
+        finger_friction=nominal.finger_friction * tool,
+    )
+
+
+def _with_stiffness(nominal: WorldPhysics, stiffness: float) -> WorldPhysics:
+    """The rope's stiffness as a multiple of the nominal one."""
     chain, cable = nominal.rope, nominal.cable
     return replace(
         nominal,
-        table_friction=nominal.table_friction * table,
-        finger_friction=nominal.finger_friction * finger,
         rope=replace(chain, bend_stiffness_n_m_rad=chain.bend_stiffness_n_m_rad * stiffness),
         cable=None if cable is None else replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffness),
     )
@@ -96,21 +108,23 @@ def describe(hidden: Sequence[InjectedEffect]) -> list[dict[str, Any]]:
     ]
 
 
-def _requested_effects(requests: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
+def _requested_effects(requests: Sequence[InjectionRequest], body: type[Body]) -> Iterator[tuple[str, Hidden, float]]:
     files, impossible = injectable_effects(), not_injectable()
+    here = ", ".join(name for name, effect in files.items() if body in effect.bodies)
     names = [request.name for request in requests]
     for request in sorted(requests, key=lambda request: request.name):
         if reason := impossible.get(request.name):
-            raise UsageError(f"{request.name} cannot be hidden: {reason}. What can be: {', '.join(files)}.")
+            raise UsageError(f"{request.name} cannot be hidden: {reason}. What can be: {here}.")
         if request.name not in files:
             raise UsageError.unknown("effect", request.name, files)
+        if body not in files[request.name].bodies:
+            raise UsageError(f"{request.name} is nothing that {body.__name__} can have. What can be hidden: {here}.")
         if names.count(request.name) > 1:
             raise UsageError(f"{request.name} is named twice; name each effect once, as EFFECT or EFFECT=SIZE.")
-        yield request.name, files[request.name], _size(request, files[request.name])
+        yield request.name, files[request.name], _size(request, files[request.name].main_in(body))
 
 
-def _size(request: InjectionRequest, effect: Hidden) -> float:
-    main = effect.main
+def _size(request: InjectionRequest, main: InjectedParameter) -> float:
     if request.size is None:
         return float(main.typical or 0.0)
     if not main.low <= request.size <= main.high:

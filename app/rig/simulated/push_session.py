@@ -12,25 +12,26 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.errors import UsageError
-from app.core.geometry.track import Track
-from app.policy.random_pushes import PushDesign, midway_s, random_track
+from app.core.geometry.track import Track, poses_at
+from app.core.motion import pointing_down
+from app.core.types import ToolPose
+from app.policy.random_pushes import PushDesign, midway_s
 from app.rig.simulated.injected_effects.base import InjectedEffect
+from app.rig.simulated.testbeds import find_testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
-from app.rig.simulated.worlds.world import Snapshot
+from app.rig.simulated.worlds.world import Nodes, Snapshot, World
 from app.tasks.elements.base import Task
-from app.tasks.elements.curves import fill_tube
 
 SLOT_S = 8.0
 """Time between pushes: longer than the slowest takes, so that a session's time is proportional to its pushes."""
 BEGIN_S = 1000.0
 """The clock of every session at its first view."""
 _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
-"""Time for a laid rope to come to rest; for the arm's approach; and for the rope to come to rest after the push."""
+"""Time for a laid object to come to rest; for the arm's approach; and for the object to come to rest after the push."""
 _TICK_S = 0.01
 _ENCODER_M = 1e-4
-_BODY_POINTS = 300
 _DIGITS = 6
 """Decimal digits of a second that are kept of the sum of many time steps."""
 _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
@@ -61,18 +62,21 @@ class PushSample:
 
 @final
 class PushSession:
-    """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
+    """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned.
+
+    The task is one of those in `testbeds`; a sweep of its paddle is a push, too.
+    """
 
     def __init__(
         self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[InjectedEffect], seed: int
     ) -> None:
-        self.task, self.plan = task, plan
+        self.task, self.plan, self._testbed = task, plan, find_testbed(task)
         self.number = 0
         """Index of the next push, or of the one that was looked at for, from 0."""
         self._physics, self._hidden, self._seed = physics, hidden, seed
         self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
-        self._world: RopeWorld | None = None
+        self._world: World | None = None
         self._before: StampedSnapshot | None = None
 
     @property
@@ -96,14 +100,8 @@ class PushSession:
     def random(self) -> Track:
         """Random push for the last look; independent of any call before it."""
         world, _ = self._looked_at()
-        return random_track(
-            np.random.default_rng([self._seed, _TRACKS, self.number]),
-            fill_tube(world.nodes(), self.task.rope.radius_m, _BODY_POINTS),
-            self.plan,
-            start_s=world.time_s + _PAUSE_S,
-            height_m=self.task.finger.push_height_m,
-            core_m=self.task.finger.half_m,
-        )
+        rng, start_s = np.random.default_rng([self._seed, _TRACKS, self.number]), world.time_s + _PAUSE_S
+        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s)
 
     def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
@@ -113,23 +111,18 @@ class PushSession:
         self.number, self._before = self.number + 1, None
         return take
 
-    def _looked_at(self) -> tuple[RopeWorld, StampedSnapshot]:
+    def _looked_at(self) -> tuple[World, StampedSnapshot]:
         if self._world is None or self._before is None:
             raise UsageError("Look at the object before a push is chosen and made.")
         return self._world, self._before
 
-    def _laid_anew(self, begin_s: float) -> RopeWorld:
-        ends = None if self._world is None else self._world.nodes()[[0, -1], :2]
-        line = lay_out(self.task.start(self._starts[self.episode]), ends)
-        self._intrusion = Intrusion(self._hidden)
-        return RopeWorld(
-            self.task.rope,
-            self.task.finger,
-            line,
-            physics=self._physics,
-            intrusion=self._intrusion,
-            time_s=begin_s - _SETTLE_S,
+    def _laid_anew(self, begin_s: float) -> World:
+        start, before = (
+            self.task.start(self._starts[self.episode]),
+            None if self._world is None else self._world.nodes(),
         )
+        self._intrusion = Intrusion(self._hidden)
+        return self._testbed.lay(self.task, start, before, self._physics, self._intrusion, begin_s - _SETTLE_S)
 
 
 def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Float64[np.ndarray, "N 3"]:
@@ -137,16 +130,16 @@ def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Tr
     begin_s = float(command.times_s[0]) - _SETTLE_S
     world = RopeWorld(task.rope, task.finger, start, physics=physics, time_s=begin_s)
     _wait(world, float(command.times_s[0]))
-    world.place(command.positions[0])
+    world.place(_pose(command, float(command.times_s[0])))
     _follow(world, command, command.end_s)
     _withdraw(world)
     return world.nodes()
 
 
-def first_end(task: Task, plan: PushDesign, seed: int) -> Float64[np.ndarray, "2"]:
-    """Initial position of the rope's end s = -1 [m]."""
+def first_start(task: Task, plan: PushDesign, seed: int) -> Nodes:
+    """Nodes of the object [m] where it is laid first."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
-    return task.start(starts[0])[0, :2]
+    return task.start(starts[0])
 
 
 @final
@@ -168,12 +161,12 @@ class _Arm:
 
 
 def _push(
-    world: RopeWorld, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
+    world: World, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
 ) -> PushSample:
     """Execute a push in the world, which is at rest."""
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)
-    world.place(made.positions[0])
+    world.place(_pose(made, float(made.times_s[0])))
     _follow(world, made, stamp_s + arm.late_s)
     during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
     _follow(world, made, max(made.end_s, command.end_s))
@@ -188,13 +181,13 @@ def _push(
     )
 
 
-def _withdraw(world: RopeWorld) -> None:
-    """Withdraw the finger, and let the rope come to rest."""
-    world.place(np.array(HOME_TOOL_M))
+def _withdraw(world: World) -> None:
+    """Withdraw the tool, and let the object come to rest."""
+    world.place(pointing_down(np.array(HOME_TOOL_M)))
     _wait(world, world.time_s + _REST_S)
 
 
-def _rest(world: RopeWorld) -> StampedSnapshot:
+def _rest(world: World) -> StampedSnapshot:
     """Snapshot of a world at rest, when time offsets have no effect."""
     return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
@@ -205,14 +198,19 @@ def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     return command.with_positions(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
-def _follow(world: RopeWorld, track: Track, until_s: float) -> None:
-    """Move the tip along its track until `until_s`."""
+def _follow(world: World, track: Track, until_s: float) -> None:
+    """Move the tool along its track until `until_s`."""
     while world.time_s < until_s - _TICK_S / 10:
         due_s = min(world.time_s + _TICK_S, until_s)
-        world.step(track.at(np.array([due_s]))[0], due_s - world.time_s)
+        world.step(_pose(track, due_s), due_s - world.time_s)
 
 
-def _wait(world: RopeWorld, until_s: float) -> None:
+def _pose(track: Track, at_s: float) -> ToolPose:
+    """Pose of the closed tool at a time."""
+    return np.append(poses_at(np.array([at_s]), track.times_s, track.poses)[0], 0.0)
+
+
+def _wait(world: World, until_s: float) -> None:
     """Advance time with the tool at rest."""
     if until_s > world.time_s:
         world.step(world.tool, until_s - world.time_s)
@@ -221,11 +219,3 @@ def _wait(world: RopeWorld, until_s: float) -> None:
 def _session(number: int, plan: PushDesign) -> float:
     """Position of a push between the first of all (-0.5) and the last (0.5)."""
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
-
-
-def lay_out(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
-    """The rope laid along `start`, in the direction that leaves its ends (x, y) [m] nearer to where they were."""
-    if ends is None:
-        return start
-    there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))
-    return start if there <= turned else start[::-1].copy()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar, cast, final
+from typing import Any, Literal, TypeAlias, TypeVar, cast, final
 
 import warp as wp
 
@@ -10,6 +10,12 @@ from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 WarpFunction: TypeAlias = Callable[..., Any]
+ObjectKind: TypeAlias = Literal["rope", "grains", "cloth", "liquid"]
+"""Kind of object that an error may be asked about: by what it has, a length, pieces, threads, a level."""
+EVERY: frozenset[ObjectKind] = frozenset({"rope", "grains", "cloth", "liquid"})
+ROPES: frozenset[ObjectKind] = frozenset({"rope"})
+GRAINS: frozenset[ObjectKind] = frozenset({"grains"})
+LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid"})
 ClassT = TypeVar("ClassT")
 
 
@@ -136,6 +142,8 @@ class Effect:
     """True if discovery may name it as a cause; else it is a library term for what no cause explains."""
     spelling: tuple[str, str] | None = None
     """Part of the file's and the parameters' names that is a name or a compound, and how people write it."""
+    objects: frozenset[ObjectKind] = EVERY
+    """Kinds of object that it acts on: what goes by the place along an object acts on ropes alone."""
     not_injectable: str = ""
     """Reason why no world of a rig can have it; where that is empty, `rig/simulated/injected_effects` has its file."""
 

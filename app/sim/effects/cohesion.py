@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import GRAINS, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 
 
@@ -19,6 +19,7 @@ def added_cohesion(cohesion: float, _grain: ParticleContext, phi: Any, at: int) 
 
 
 EFFECT = Effect(
+    objects=GRAINS,
     parameters=(
         ParameterSpec(
             name="cohesion",
@@ -32,6 +33,6 @@ EFFECT = Effect(
             about="Cohesion of grains, beyond the material's own.",
         ),
     ),
-    not_injectable="there are no grains in this world",
+    not_injectable="beans of this world do not stick together",
     cohesion=added_cohesion,
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import ROPES, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -30,6 +30,7 @@ def viscous_rods(rods: RodProperties, context: RodContext, phi: EffectParameters
 
 
 EFFECT = Effect(
+    objects=ROPES,
     parameters=(
         ParameterSpec(
             name="solid_viscosity",

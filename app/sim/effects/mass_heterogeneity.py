@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import ROPES, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -28,6 +28,7 @@ def varied_rods(rods: RodProperties, context: RodContext, phi: EffectParameters)
 
 
 EFFECT = Effect(
+    objects=ROPES,
     parameters=(
         ParameterSpec(
             name="mass_slope",

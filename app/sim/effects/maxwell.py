@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import ROPES, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -20,6 +20,7 @@ def relaxed_share(kept: float, grain: ParticleContext, phi: Any, at: int) -> flo
 
 
 EFFECT = Effect(
+    objects=ROPES,
     parameters=(
         ParameterSpec(
             name="relaxation_rate",

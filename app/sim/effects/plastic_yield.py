@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import ROPES, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -28,6 +28,7 @@ def yielding_rods(rods: RodProperties, context: RodContext, phi: EffectParameter
 
 
 EFFECT = Effect(
+    objects=ROPES,
     parameters=(
         ParameterSpec(
             name="yield_softness",

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import LIQUIDS, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 
 REFERENCE = wp.constant(100.0)
@@ -28,6 +28,7 @@ def thinned_viscosity(viscosity: float, grain: ParticleContext, phi: Any, at: in
 
 
 EFFECT = Effect(
+    objects=LIQUIDS,
     parameters=(
         ParameterSpec(
             name="flow_index",

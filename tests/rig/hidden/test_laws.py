@@ -147,10 +147,10 @@ def test_what_the_finger_touches_does_not_roll() -> None:
 
 def test_adhesion_pulls_towards_the_finger_what_leaves_it_and_nothing_else() -> None:
     near = {"toward": np.tile([1.0, 0.0, 0.0], (40, 1)), "gap_m": np.full(40, 1e-3)}
-    leaving = force("adhesion", 40.0, finger_v=np.array([0.1, 0.0, 0.0]), **near)
+    leaving = force("adhesion", 40.0, tool_v=np.array([0.1, 0.0, 0.0]), **near)
     assert leaving[:, 0] == pytest.approx(40.0 * 0.01 * 0.016)
-    assert not force("adhesion", 40.0, finger_v=np.array([-0.1, 0.0, 0.0]), **near).any()
-    assert not force("adhesion", 40.0, finger_v=np.array([0.1, 0.0, 0.0])).any()
+    assert not force("adhesion", 40.0, tool_v=np.array([-0.1, 0.0, 0.0]), **near).any()
+    assert not force("adhesion", 40.0, tool_v=np.array([0.1, 0.0, 0.0])).any()
 
 
 def test_a_snag_holds_what_lies_over_it_and_never_turns_it_round() -> None:

@@ -1,11 +1,12 @@
-"""Abrupt change: between two pushes the table's friction and the rope's stiffness change.
+"""Abrupt change: between two pushes the table's friction and the object's stiffness change.
 
-By the factors exp(a) and exp(b), each up or down; the values of the session's middle are the world's own.
+By the factors exp(a) and exp(b), each up or down; the values of the session's middle are the world's own. The stiffness
+of a rope is that of its hinges, of beans that of their contacts.
 """
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values
+from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:
@@ -27,6 +28,7 @@ def _stiffness(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(
         InjectedParameter(name="friction_step", unit="1", typical=0.5, high=1.0),
         InjectedParameter(name="stiffness_step", unit="1", typical=0.5, high=1.0),

@@ -6,7 +6,7 @@ Many small steps of x' = (u - x) / T, each a weighted mean of position and comma
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, InjectedParameter, Values, plain
 
 _STEP_S = 1e-3
 _SETTLING = 5.0
@@ -40,6 +40,7 @@ def _with_rest(track: Track, by_s: float) -> Track:
 
 HIDDEN = Hidden(
     family="actuation",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="actuator_lag", unit="s", typical=0.08, high=0.5),),
     draw=plain,
     drive=_drive,

@@ -1,24 +1,25 @@
-"""Adhesion: the finger pulls back a parting rope, with a traction s on their contact patch.
+"""Adhesion: the tool pulls back what parts from it, with a traction s on their contact patch.
 
-The patch of a segment is its length times the rope's diameter; it lets go 2 mm from the finger.
+The patch of a segment or a bean is its length times its diameter; it lets go 2 mm from the tool.
 """
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, plain
+from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, InjectedParameter, Moment, Values, Vectors, plain
 
 _REACH_M = 0.002
 
 
 def _force(moment: Moment, values: Values) -> Vectors:
-    parting = ((moment.finger_v - moment.v) * moment.toward).sum(1) > 0
+    parting = ((moment.tool_v - moment.v) * moment.toward).sum(1) > 0
     holds = parting & (moment.gap_m < _REACH_M)
-    patch_m2 = moment.segment_m * 2 * moment.radius_m
+    patch_m2 = moment.length_m * 2 * moment.radius_m
     return values[0] * patch_m2 * np.where(holds, 1.0, 0.0)[:, None] * moment.toward
 
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
     draw=plain,
     force=_force,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, InjectedParameter, Values, plain
 
 
 def _drive(track: Track, values: Values) -> Track:
@@ -16,6 +16,7 @@ def _drive(track: Track, values: Values) -> Track:
 
 HIDDEN = Hidden(
     family="actuation",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="backlash", unit="m", typical=0.002, high=0.01),),
     draw=plain,
     drive=_drive,

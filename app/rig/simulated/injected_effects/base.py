@@ -5,33 +5,38 @@ independently here, for another engine, so that discovery is not judged by its o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, final
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.camera import CameraModel
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope, Soup
 from app.core.geometry.track import Track
 from app.core.types import ColourImage, DepthImage, Transform
 from app.rig.simulated.worlds.physics import Position, WorldPhysics
 
-if TYPE_CHECKING:
-    from app.core.geometry.scene_description import Rope
+ROPES: Final = (Rope,)
+ON_TABLES: Final = (Rope, Beans)
+"""Objects that lie on the table and are pushed over it."""
+ANY_BODY: Final = (Rope, Beans, Cloth, Liquid, Soup)
+"""Objects of every kind: errors of arm and cameras are in what moves and sees them."""
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
 """Values of an effect's parameters, in their order."""
 Factors: TypeAlias = Float64[np.ndarray, " S"]
-"""One number for each of the rope's S segments."""
+"""One number for each of the object's S bodies: a rope's segments, or beans."""
 Vectors: TypeAlias = Float64[np.ndarray, "S 3"]
-"""One vector for each of the rope's segments, in the world frame."""
+"""One vector for each of the object's bodies, in the world frame."""
 
 
 class Moment(NamedTuple):
     """State of the world at one time step, as seen by effects.
 
-    `session`: -0.5 at the first push of all and 0.5 at the last. `x`, `v`, `mass`: of the rope's segments [m, m/s, kg];
-    `toward (S, 3)`: unit vectors from each to the finger's nearest point, and `gap_m` between their surfaces.
+    `session`: -0.5 at the first push of all and 0.5 at the last. `x`, `v`, `mass`: of the bodies [m, m/s, kg], each
+    `length_m` long and `radius_m` thick; `toward (S, 3)`: unit vectors from each to the tool's nearest point, and
+    `gap_m` between their surfaces.
     """
 
     time_s: float
@@ -39,12 +44,12 @@ class Moment(NamedTuple):
     period_s: float
     gravity_m_s2: float
     radius_m: float
-    segment_m: float
+    length_m: float
     x: Vectors
     v: Vectors
     mass: Factors
-    finger: Position
-    finger_v: Position
+    tool: Position
+    tool_v: Position
     toward: Vectors
     gap_m: Factors
 
@@ -80,22 +85,25 @@ Draw: TypeAlias = Callable[[float, np.random.Generator], Values]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Hidden:
-    """An injectable effect: its parameters, their distribution for a size, and its hooks.
+    """An injectable effect: its parameters, their distribution for a size, the bodies it can be in, and its hooks.
 
-    Hooks that are not given change nothing. In the world: `physics` and `build` act before MuJoCo compiles its model
-    (the latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...); `friction` is the factor of the table's
-    friction under each segment, `force` acts on each [N], `stiffness` is the factor of the hinges', and `relaxed` the
-    share of the hinges' elastic bend that becomes permanent in a duration. In the arm: `drive` is the tip's actual
-    track for a commanded one, and `told` is True where its encoders measure that. In the cameras: `stands` is their
-    true pose (about the `middle` of all), `seen` their depth image with its losses, and `late_s` their delay after the
-    stamp.
+    `bodies`: classes of `scene_description`. `beans_share`: typical and largest size in beans, as a share of those in
+    ropes: they roll where a rope is held. Hooks that are not given change nothing. In the world: `physics` and `build`
+    act before MuJoCo compiles its model (the latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...);
+    `friction` is the factor of the table's friction under each body, `force` acts on each [N], `stiffness` is the
+    factor of a rope's hinges' or of beans' contacts', and `relaxed` the share of the hinges' elastic bend that becomes
+    permanent in a duration. In the arm: `drive` is the tip's actual track for a commanded one, and `told` is True where
+    its encoders measure that. In the cameras: `stands` is their true pose (about the `middle` of all), `seen` their
+    depth image with its losses, and `late_s` their delay after the stamp.
     """
 
     family: Literal["physics", "sensing", "actuation"]
+    bodies: tuple[type[Body], ...]
     quantities: tuple[InjectedParameter, ...]
     draw: Draw
     catalogued: bool = True
-    physics: Callable[[WorldPhysics, "Rope", Values], WorldPhysics] | None = None
+    beans_share: float = 1.0
+    physics: Callable[[WorldPhysics, Body, Values], WorldPhysics] | None = None
     build: Callable[[Any, WorldPhysics, Values], None] | None = None
     friction: Callable[[Moment, Values], Factors] | None = None
     force: Callable[[Moment, Values], Vectors] | None = None
@@ -112,9 +120,16 @@ class Hidden:
         """The parameter that a size refers to."""
         return self.quantities[0]
 
+    def main_in(self, body: type[Body]) -> InjectedParameter:
+        """The same, with its sizes in an object of that class."""
+        main, share = self.main, self.beans_share if body is Beans else 1.0
+        if share == 1.0 or main.typical is None:
+            return main
+        return replace(main, typical=share * main.typical, high=share * main.high)
+
     @property
     def in_world(self) -> bool:
-        """True where it changes rope, table or finger, and not arm and cameras alone."""
+        """True where it changes object, table or tool, and not arm and cameras alone."""
         hooks = (self.physics, self.build, self.friction, self.force, self.stiffness, self.relaxed)
         return any(hook is not None for hook in hooks)
 
@@ -175,5 +190,5 @@ def where(name: str) -> tuple[InjectedParameter, InjectedParameter]:
 
 
 def acting(moment: Moment, acceleration: Vectors) -> Vectors:
-    """Forces [N] for an acceleration [m/s^2] of each segment."""
+    """Forces [N] for an acceleration [m/s^2] of each body."""
     return moment.mass[:, None] * acceleration

@@ -1,7 +1,7 @@
 """Command delay: the arm executes everything d later than commanded, and its encoders show it."""
 
 from app.core.geometry.track import Track
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, InjectedParameter, Values, plain
 
 
 def _drive(track: Track, values: Values) -> Track:
@@ -10,6 +10,7 @@ def _drive(track: Track, values: Values) -> Track:
 
 HIDDEN = Hidden(
     family="actuation",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="command_delay", unit="s", typical=0.1, high=0.5),),
     draw=plain,
     drive=_drive,

@@ -3,7 +3,14 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, with_random_sign
+from app.rig.simulated.injected_effects.base import (
+    ANY_BODY,
+    Hidden,
+    InjectedParameter,
+    SensorImages,
+    Values,
+    with_random_sign,
+)
 
 
 def _bias_depth(shot: SensorImages, values: Values) -> DepthImage:
@@ -16,6 +23,7 @@ def _bias_depth(shot: SensorImages, values: Values) -> DepthImage:
 
 HIDDEN = Hidden(
     family="sensing",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="depth_bias", unit="m", typical=0.004, high=0.02),),
     draw=with_random_sign,
     seen=_bias_depth,

@@ -3,7 +3,14 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, with_random_sign
+from app.rig.simulated.injected_effects.base import (
+    ANY_BODY,
+    Hidden,
+    InjectedParameter,
+    SensorImages,
+    Values,
+    with_random_sign,
+)
 
 
 def _scale_depth(shot: SensorImages, values: Values) -> DepthImage:
@@ -12,6 +19,7 @@ def _scale_depth(shot: SensorImages, values: Values) -> DepthImage:
 
 HIDDEN = Hidden(
     family="sensing",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="depth_scale", unit="1", typical=0.008, high=0.05),),
     draw=with_random_sign,
     seen=_scale_depth,

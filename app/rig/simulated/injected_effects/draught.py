@@ -5,7 +5,7 @@ Drag grows with the square of the height in the layer; for a rope's section, the
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, Moment, Values, Vectors, components, level
+from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, Moment, Values, Vectors, components, level
 
 _LAYER_M = 0.02
 
@@ -16,4 +16,6 @@ def _force(moment: Moment, values: Values) -> Vectors:
     return (moment.mass * moment.gravity_m_s2 * exposed)[:, None] * np.array([values[0], values[1], 0.0])
 
 
-HIDDEN = Hidden(family="physics", quantities=components("draught", "xy", "1", 0.1, 0.5), draw=level, force=_force)
+HIDDEN = Hidden(
+    family="physics", bodies=ON_TABLES, quantities=components("draught", "xy", "1", 0.1, 0.5), draw=level, force=_force
+)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, level
+from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values, level
 
 _REST_M_S = 1e-3
-"""Regularisation of the direction: a segment slower than about this slides in none."""
+"""Regularisation of the direction: a body slower than about this slides in none."""
 
 
 def _friction(moment: Moment, values: Values) -> Factors:
@@ -16,6 +16,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=tuple(
         InjectedParameter(name=f"anisotropy_{name}", unit="1", typical=0.2, high=0.6) for name in ("axes", "diagonals")
     ),

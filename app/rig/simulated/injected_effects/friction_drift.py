@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, with_random_sign
+from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
+    Factors,
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    with_random_sign,
+)
 
 
 def _friction(moment: Moment, values: Values) -> Factors:
@@ -11,6 +19,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="friction_drift", unit="1/session", typical=0.4, high=1.0),),
     draw=with_random_sign,
     friction=_friction,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, Moment, Values, components, level
+from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, Moment, Values, components, level
 
 _MIDDLE_M = np.array([0.55, 0.0])
 """x0: position at which friction is unchanged."""
@@ -14,5 +14,9 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 
 HIDDEN = Hidden(
-    family="physics", quantities=components("friction_slope", "xy", "1/m", 1.0, 3.0), draw=level, friction=_friction
+    family="physics",
+    bodies=ON_TABLES,
+    quantities=components("friction_slope", "xy", "1/m", 1.0, 3.0),
+    draw=level,
+    friction=_friction,
 )

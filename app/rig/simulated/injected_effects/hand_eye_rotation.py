@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.core.types import Transform
-from app.rig.simulated.injected_effects.base import Hidden, Values, components, spatial
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, Values, components, spatial
 from app.rig.simulated.worlds.physics import Position
 
 
@@ -17,5 +17,9 @@ def _stands(T_world_camera: Transform, middle: Position, values: Values) -> Tran
 
 
 HIDDEN = Hidden(
-    family="sensing", quantities=components("hand_eye_turn", "xyz", "deg", 0.6, 3.0), draw=spatial, stands=_stands
+    family="sensing",
+    bodies=ANY_BODY,
+    quantities=components("hand_eye_turn", "xyz", "deg", 0.6, 3.0),
+    draw=spatial,
+    stands=_stands,
 )

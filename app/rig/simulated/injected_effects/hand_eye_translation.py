@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.types import Transform
-from app.rig.simulated.injected_effects.base import Hidden, Values, components, spatial
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, Values, components, spatial
 from app.rig.simulated.worlds.physics import Position
 
 
@@ -14,5 +14,9 @@ def _stands(T_world_camera: Transform, _middle: Position, values: Values) -> Tra
 
 
 HIDDEN = Hidden(
-    family="sensing", quantities=components("hand_eye", "xyz", "m", 0.003, 0.02), draw=spatial, stands=_stands
+    family="sensing",
+    bodies=ANY_BODY,
+    quantities=components("hand_eye", "xyz", "m", 0.003, 0.02),
+    draw=spatial,
+    stands=_stands,
 )

@@ -1,4 +1,4 @@
-"""Hidden obstacle: a soft post of 2 cm, invisible to cameras, stops the rope, and not the finger, at the rate k.
+"""Hidden obstacle: a soft post of 2 cm, invisible to cameras, stops the object, and not the tool, at the rate k.
 
 A geom whose contacts are dampers: MuJoCo's direct form of `solref` is (-stiffness, -damping) of the contact's
 acceleration [1/s^2, 1/s].
@@ -6,8 +6,15 @@ acceleration [1/s^2, 1/s].
 
 from typing import Any
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, where, with_random_place
-from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
+    Hidden,
+    InjectedParameter,
+    Values,
+    where,
+    with_random_place,
+)
+from app.rig.simulated.worlds.engine import TOOL, mujoco
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT
 
@@ -30,11 +37,12 @@ def _build(spec: Any, _physics: WorldPhysics, values: Values) -> None:
         solref=[_NO_STIFFNESS, -values[0]],
         priority=2,
     )
-    spec.add_exclude(bodyname1="post", bodyname2="finger")
+    spec.add_exclude(bodyname1="post", bodyname2=TOOL)
 
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="obstacle_rate", unit="1/s", typical=417.0, high=2080.0), *where("obstacle")),
     draw=with_random_place,
     build=_build,

@@ -6,16 +6,14 @@ hinge between segments of length L has the damping 3 eta I / L, I = pi r^4 / 4.
 
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.core.geometry.scene_description import Body, Rope
+from app.rig.simulated.injected_effects.base import ROPES, Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
-if TYPE_CHECKING:
-    from app.core.geometry.scene_description import Rope
 
-
-def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysics:
+def _physics(physics: WorldPhysics, rope: Body, values: Values) -> WorldPhysics:
+    assert isinstance(rope, Rope)
     own = physics.rope
     damping = float(3 * values[0] * pi * rope.radius_m**4 / 4 / (rope.length_m / own.segments))
     return replace(
@@ -30,6 +28,7 @@ def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysic
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(InjectedParameter(name="solid_viscosity", unit="Pa s", typical=4.17, high=8.3),),
     draw=plain,
     physics=_physics,

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, SensorImages, Values, plain
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, InjectedParameter, SensorImages, Values, plain
 
 _LIKE = 0.92
 """Cosine between colours from which on they count as the same in different light."""
@@ -31,6 +31,7 @@ def _erode_depth(shot: SensorImages, values: Values) -> DepthImage:
 
 HIDDEN = Hidden(
     family="sensing",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="mask_erosion", unit="m", typical=0.0015, high=0.004),),
     draw=plain,
     seen=_erode_depth,

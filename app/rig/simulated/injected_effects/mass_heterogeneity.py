@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, level
+from app.rig.simulated.injected_effects.base import ROPES, Hidden, InjectedParameter, Values, level
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 
@@ -20,6 +20,7 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(
         InjectedParameter(name="mass_slope", unit="1", typical=0.35, high=0.7),
         InjectedParameter(name="mass_bow", unit="1", typical=0.25, high=0.5),

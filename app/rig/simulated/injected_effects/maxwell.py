@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.rig.simulated.injected_effects.base import ROPES, Hidden, InjectedParameter, Values, plain
 
 
 def _relaxed_share(period_s: float, values: Values) -> float:
@@ -11,6 +11,7 @@ def _relaxed_share(period_s: float, values: Values) -> float:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(InjectedParameter(name="relaxation_rate", unit="1/s", typical=1.0, high=10.0),),
     draw=plain,
     relaxed=_relaxed_share,

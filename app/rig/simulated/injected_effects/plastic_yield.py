@@ -6,16 +6,14 @@ it. E is the world's own, from the stiffness K of its hinges: E I = K L.
 
 from dataclasses import replace
 from math import pi, sqrt
-from typing import TYPE_CHECKING
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, plain
+from app.core.geometry.scene_description import Body, Rope
+from app.rig.simulated.injected_effects.base import ROPES, Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
-if TYPE_CHECKING:
-    from app.core.geometry.scene_description import Rope
 
-
-def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysics:
+def _physics(physics: WorldPhysics, rope: Body, values: Values) -> WorldPhysics:
+    assert isinstance(rope, Rope)
     if values[0] == 0:
         return physics
     own, length_m = physics.rope, rope.length_m / physics.rope.segments
@@ -26,6 +24,7 @@ def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysic
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(InjectedParameter(name="yield_softness", unit="1/Pa", typical=0.012, high=0.06),),
     draw=plain,
     physics=_physics,

@@ -4,6 +4,7 @@ The sign is random: it may repel.
 """
 
 from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
     Hidden,
     InjectedParameter,
     Moment,
@@ -27,6 +28,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="attraction", unit="1", typical=0.1, high=0.5), *where("attraction")),
     draw=signed_placed,
     force=_force,

@@ -1,9 +1,10 @@
-"""Point constraint: a snag on the table holds the rope above it, by a drag of the rate k in a spot of 15 mm.
+"""Point constraint: a snag on the table holds what lies above it, by a drag of the rate k in a spot of 15 mm.
 
 Implicit in the time step, so that no rate reverses a motion.
 """
 
 from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
     Hidden,
     InjectedParameter,
     Moment,
@@ -25,6 +26,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="constraint_rate", unit="1/s", typical=125.0, high=830.0), *where("constraint")),
     draw=with_random_place,
     force=_force,

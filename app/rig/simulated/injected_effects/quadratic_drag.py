@@ -1,11 +1,20 @@
-"""Quadratic drag: a thick fluid slows the rope by q |v| v.
+"""Quadratic drag: a thick fluid slows the object by q |v| v.
 
 Not in the catalogue, whose film is linear; at 0.15 m/s the typical size is a fifth of the table's friction.
 """
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, acting, plain
+from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    Vectors,
+    acting,
+    plain,
+)
 
 
 def _force(moment: Moment, values: Values) -> Vectors:
@@ -14,6 +23,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     catalogued=False,
     quantities=(InjectedParameter(name="quadratic_drag", unit="1/m", typical=40.0, high=200.0),),
     draw=plain,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, with_random_sign
+from app.rig.simulated.injected_effects.base import ROPES, Hidden, InjectedParameter, Values, with_random_sign
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import hinge_owner
 
@@ -16,6 +16,7 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(InjectedParameter(name="rest_curvature", unit="1/m", typical=4.0, high=15.0),),
     draw=with_random_sign,
     build=_build,

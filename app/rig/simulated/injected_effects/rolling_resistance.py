@@ -1,12 +1,12 @@
-"""Rolling resistance: away from the finger, the rope meets the share r of the table's friction.
+"""Rolling resistance: away from the tool, the object meets the share r of the table's friction.
 
 This rope cannot roll about its axis (see `rope.py`), so the effect of rolling is modelled as friction: the ends trail
-less, and the rope runs on after the finger has stopped.
+less, and the rope runs on after the finger has stopped. Of beans, it is the share of sliding and rolling friction.
 """
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, plain
+from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values, plain
 
 _REACH_M = 0.003
 """Gap between surfaces that counts as contact."""
@@ -18,6 +18,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="rolling_share", unit="1", null=1.0, typical=0.5, low=0.02, high=1.0),),
     draw=plain,
     friction=_friction,

@@ -1,4 +1,4 @@
-"""Sideways drift: a moving rope is pulled to one side, by the share s of weight, as by a nap or a thread.
+"""Sideways drift: a moving object is pulled to one side, by the share s of weight, as by a nap or a thread.
 
 Not in the catalogue: the force is across the motion and does no work.
 """
@@ -6,6 +6,7 @@ Not in the catalogue: the force is across the motion and does no work.
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
     Hidden,
     InjectedParameter,
     Moment,
@@ -27,6 +28,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     catalogued=False,
     quantities=(InjectedParameter(name="sideways_drift", unit="1", typical=0.15, high=0.5),),
     draw=with_random_sign,

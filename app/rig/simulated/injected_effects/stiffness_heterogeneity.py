@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values, level
+from app.rig.simulated.injected_effects.base import ROPES, Factors, Hidden, InjectedParameter, Moment, Values, level
 
 
 def _stiffness(moment: Moment, values: Values) -> Factors:
@@ -13,6 +13,7 @@ def _stiffness(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ROPES,
     quantities=(
         InjectedParameter(name="stiffness_slope", unit="1", typical=0.5, high=1.0),
         InjectedParameter(name="stiffness_bow", unit="1", typical=0.4, high=0.7),

@@ -5,7 +5,7 @@ The speed at which the excess falls to a third is drawn near the typical one.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Factors, Hidden, InjectedParameter, Moment, Values
+from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values
 
 _SPEED_M_S = 0.06
 
@@ -21,6 +21,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(
         InjectedParameter(name="stribeck_excess", unit="1", typical=0.4, high=2.0),
         InjectedParameter(name="stribeck_speed", unit="m/s", null=_SPEED_M_S),

@@ -1,11 +1,12 @@
 """Swirl: everything is carried round a point of the table, by the acceleration s n x (x - c), in either sense.
 
-Not in the catalogue; a turntable's creep or a stirred film would look like this.
+Not in the catalogue; a turntable's creep or a stirred film would look like this. Beans bear 1 m/s^2 before they roll.
 """
 
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
     Hidden,
     InjectedParameter,
     Moment,
@@ -24,7 +25,9 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     catalogued=False,
+    beans_share=0.2,
     quantities=(InjectedParameter(name="swirl", unit="1/s^2", typical=8.0, high=20.0), *where("swirl")),
     draw=signed_placed,
     force=_force,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, Values, components, level
+from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, Values, components, level
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 
@@ -16,4 +16,6 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
     spec.option.gravity = physics.gravity_m_s2 * np.array([b, -a, -np.sqrt(1.0 - a * a - b * b)])
 
 
-HIDDEN = Hidden(family="physics", quantities=components("tilt", "xy", "deg", 1.0, 5.0), draw=level, build=_build)
+HIDDEN = Hidden(
+    family="physics", bodies=ON_TABLES, quantities=components("tilt", "xy", "deg", 1.0, 5.0), draw=level, build=_build
+)

@@ -1,9 +1,9 @@
-"""Tool-centre-point offset: the finger's tip is t beside its position by the kinematics, and turns with the tool."""
+"""Tool-centre-point offset: the tool's tip is t beside its position by the kinematics, and turns with the tool."""
 
 from scipy.spatial.transform import Rotation
 
 from app.core.geometry.track import Track
-from app.rig.simulated.injected_effects.base import Hidden, Values, components, spatial
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, Values, components, spatial
 
 
 def _drive(track: Track, values: Values) -> Track:
@@ -11,4 +11,6 @@ def _drive(track: Track, values: Values) -> Track:
     return track.with_positions(track.positions + turns.apply(values))
 
 
-HIDDEN = Hidden(family="sensing", quantities=components("tcp", "xyz", "m", 0.003, 0.02), draw=spatial, drive=_drive)
+HIDDEN = Hidden(
+    family="sensing", bodies=ANY_BODY, quantities=components("tcp", "xyz", "m", 0.003, 0.02), draw=spatial, drive=_drive
+)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.core.geometry.track import Track
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Values, with_random_sign
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, InjectedParameter, Values, with_random_sign
 
 _DOWN_M = 0.004
 """Height above its lowest point below which the tool counts as down."""
@@ -18,6 +18,7 @@ def _drive(track: Track, values: Values) -> Track:
 
 HIDDEN = Hidden(
     family="actuation",
+    bodies=ANY_BODY,
     quantities=(InjectedParameter(name="under_reach", unit="1", typical=0.03, high=0.2),),
     draw=with_random_sign,
     drive=_drive,

@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import Hidden, InjectedParameter, Moment, Values, Vectors, acting, plain
+from app.rig.simulated.injected_effects.base import (
+    ON_TABLES,
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    Vectors,
+    acting,
+    plain,
+)
 
 _REACH_M = 0.02
 
@@ -14,6 +23,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
+    bodies=ON_TABLES,
     quantities=(InjectedParameter(name="film_drag", unit="1/s", typical=4.17, high=20.0),),
     draw=plain,
     force=_force,

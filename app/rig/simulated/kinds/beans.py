@@ -8,7 +8,7 @@ from app.rig.simulated.worlds.shapes import Surface, tube
 from app.rig.simulated.worlds.world import Nodes
 
 
-def _of(stage: Stage) -> tuple[Beans, Paddle]:
+def beans_and_paddle(stage: Stage) -> tuple[Beans, Paddle]:
     """The beans and the paddle; TypeError for another tool."""
     if not isinstance(stage.body, Beans) or not isinstance(stage.tool, Paddle):
         raise TypeError(f"Beans are swept with a Paddle, not with a {type(stage.tool).__name__}.")
@@ -16,15 +16,15 @@ def _of(stage: Stage) -> tuple[Beans, Paddle]:
 
 
 def _node_count(stage: Stage) -> int:
-    return 2 * _of(stage)[0].count
+    return 2 * beans_and_paddle(stage)[0].count
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> BeansWorld:
-    return BeansWorld(*_of(stage), start, time_s=time_s)
+    return BeansWorld(*beans_and_paddle(stage), start, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
-    beans, _ = _of(stage)
+    beans, _ = beans_and_paddle(stage)
     return [tube(ends, beans.radius_m, beans.colour) for ends in nodes.reshape(-1, 2, 3)]
 
 

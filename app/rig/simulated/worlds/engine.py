@@ -1,10 +1,12 @@
 """MuJoCo, whose compiled module declares no types: named `Any` once, here."""
 
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import mujoco as _mujoco
 
 mujoco: Any = _mujoco
+TOOL: Final = "tool"
+"""Name of the tool's body in every world."""
 
 
 class Stepped(Protocol):

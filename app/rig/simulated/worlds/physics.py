@@ -53,6 +53,20 @@ class CablePhysics:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class RollingPhysics:
+    """Resistance of loose beans to rolling, and to spinning about the contact: MuJoCo's lengths [m].
+
+    `rolling_m` is a tenth of a bean's radius: coefficients of rolling resistance reach 0.1 for angular grains (Ai et
+    al. 2011, "Assessment of rolling resistance models in discrete element simulations"), and beans are not round.
+    `spin_m`: two thirds of the friction coefficient times a contact patch of 4 mm across, as of two flattish sides.
+    """
+
+    rolling_m: float = 5e-4
+    spin_m: float = 1e-3
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class WorldPhysics:
     """Friction, contact and time step. Coulomb coefficients: nylon rope on wood 0.4-0.6; on a smooth finger 0.3.
 
@@ -63,6 +77,7 @@ class WorldPhysics:
 
     rope: RopePhysics = field(default_factory=RopePhysics)
     cable: CablePhysics | None = None
+    rolling: RollingPhysics = field(default_factory=RollingPhysics)
     table_friction: float = 0.5
     finger_friction: float = 0.3
     gravity_m_s2: float = 9.81
@@ -81,6 +96,8 @@ ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
     {"chain": WorldPhysics(), "cable": WorldPhysics(cable=CablePhysics(), contact_time_s=0.010)}
 )
 """Nominal physics of the rope worlds: the same materials on the same table, with different mechanics."""
+BEAN_WORLD: Final = WorldPhysics(table_friction=0.4)
+"""Nominal physics of beans on a table."""
 
 
 _LENGTH_M, _RADIUS_M = 0.40, 0.008

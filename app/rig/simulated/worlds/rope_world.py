@@ -11,10 +11,11 @@ from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.geometry.shapes.tools import Finger
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
+from app.rig.simulated.bodies.rope_segments import RopeSegments
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.cable import Cable
 from app.rig.simulated.worlds.effect_injector import Intrusion
-from app.rig.simulated.worlds.engine import mujoco, new_spec
+from app.rig.simulated.worlds.engine import TOOL, mujoco, new_spec
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
 from app.rig.simulated.worlds.world import Snapshot
@@ -53,10 +54,12 @@ class RopeWorld:
         self._model = _compile(self._rope, finger, physics, self.intrusion, fixtures)
         self._data = mujoco.MjData(self._model)
         self._rope.lay(self._model, self._data)
-        self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
+        self._bend = slice(3, int(self._model.body(TOOL).jntnum[0]))
         self._data.qpos[:3], self._data.time = tool, time_s
         mujoco.mj_forward(self._model, self._data)
-        self.intrusion.attach(self._model, self._data, self._rope.links, rope, finger)
+        if self.intrusion.acts:
+            links, rubbed = self._rope.links, self.intrusion.rubs
+            self.intrusion.attach(RopeSegments(self._model, self._data, links, rope, finger, rubbed=rubbed))
 
     @property
     def time_s(self) -> float:
@@ -152,7 +155,7 @@ def _add_table(spec: Any, physics: WorldPhysics) -> None:
 
 def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
     """Add its shape on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
-    body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
+    body = spec.worldbody.add_body(name=TOOL, gravcomp=1.0)
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
     for shape in (_round if finger.half_width_m == 0 else _plate)(finger, physics.finger_length_m):
