@@ -25,7 +25,7 @@ def label_particles(
     the object is that of its rod, which is right where strands touch, too. What is no rope has no labels.
     """
     if kind != "rope":
-        nothing = [unlabelled(cloud) for cloud in clouds]
+        nothing = [no_labels(cloud) for cloud in clouds]
         return np.stack([label for label, _ in nothing]).astype(np.float32), np.stack(clouds).astype(np.float32)
     labels, middles = list[np.ndarray](), list[np.ndarray]()
     last: np.ndarray | None = None
@@ -48,7 +48,7 @@ def label_of(
     return _label(along, _nodes(along, cloud), cloud)
 
 
-def unlabelled(cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
+def no_labels(cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
     """Labels of an object without a length, which say nothing; each point is its own middle."""
     return np.zeros((len(cloud), 4)), cloud.astype(np.float64)
 

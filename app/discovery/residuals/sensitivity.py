@@ -336,5 +336,5 @@ def _assemble(
         spread=spread,
         known=known,
         episode=np.array([push.episode for push in trials.study.pushes]),
-        blocks=(Block(slice(0, 2 * width), reversed=trials.reversed),),
+        blocks=(Block(slice(0, 2 * width), reversed=trials.signs_of_other_end),),
     )

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
-from app.discovery.dataset.labels import label_of, label_particles, unlabelled
+from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
@@ -61,7 +61,7 @@ class SimulationBatch:
     """True if cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
     kind: ObjectKind = "rope"
     tools: Mapping[View, Float64[np.ndarray, "K 4"]] = field(default_factory=dict[View, Float64[np.ndarray, "K 4"]])
-    """Of the tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
+    """Tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
 
     @property
     def modes(self) -> int:
@@ -74,7 +74,7 @@ class SimulationBatch:
         return slice(self.modes, 2 * self.modes)
 
     @property
-    def reversed(self) -> Float64[np.ndarray, " R"] | None:
+    def signs_of_other_end(self) -> Float64[np.ndarray, " R"] | None:
         """Sign of each row of both views where the object's other end is called the first; None without ends."""
         return REVERSED if self.kind == "rope" else None
 
@@ -133,7 +133,7 @@ class SimulationBatch:
 
     def _labels_of(self, k: int, cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
         """Labels and middles of the object of push `k` where it lies as this cloud."""
-        return label_of((self.labels[k, :, 0] + 1) / 2, cloud) if self.kind == "rope" else unlabelled(cloud)
+        return label_of((self.labels[k, :, 0] + 1) / 2, cloud) if self.kind == "rope" else no_labels(cloud)
 
     def _add_noise(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
         """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""

@@ -32,6 +32,16 @@ class ToolGeometry(Protocol):
         """
         ...
 
+    @property
+    def ball_m(self) -> float | None:
+        """Radius of a round tip by which cameras find the tool [m]; None without one."""
+        return None
+
+    @property
+    def board_m(self) -> Vector | None:
+        """Half sides of a board about its place by which cameras find the tool [m]; None without one."""
+        return None
+
     def outline(self, at: ToolPose) -> Outline | None:
         """Outline by which the tool pushes an object that lies on the table; None for a tool that holds the object."""
         ...

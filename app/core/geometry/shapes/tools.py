@@ -45,6 +45,11 @@ class Finger(ToolGeometry):
         x, y = self.half_m
         return [(-x, -y, 0.0), (x, y, 0.0)] if self.half_width_m > 0 else [(0.0, 0.0, 0.0)]
 
+    @property
+    def ball_m(self) -> float | None:
+        """Its radius; a flat finger looks alike wherever along its width it is."""
+        return self.radius_m if self.half_width_m == 0 else None
+
     def hulls(self, at: ToolPose, margin_m: float) -> list[Corners]:
         """The strip up to the hand."""
         tip, up = at[:3], -_turn(at)[:, 2]
@@ -71,6 +76,11 @@ class Paddle(ToolGeometry):
 
     half_m: Vector
     sweep_height_m: float
+
+    @property
+    def board_m(self) -> Vector:
+        """Itself."""
+        return self.half_m
 
     def hulls(self, at: ToolPose, margin_m: float) -> list[Corners]:
         """The board, and its handle up to the hand."""
