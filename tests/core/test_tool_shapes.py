@@ -116,7 +116,7 @@ def test_the_hulls_of_a_tool_that_pushes_are_larger_by_the_margin_on_every_side(
     assert max(-low.min(), high.max()) < 1.5 * margin_m
 
 
-@pytest.mark.parametrize("name", set(TOOLS) - set(PUSHING))
+@pytest.mark.parametrize("name", sorted(set(TOOLS) - set(PUSHING)))
 def test_what_holds_the_object_has_no_margin_over_it(name: str) -> None:
     tool = TOOLS[name]
     for one, other in zip(tool.hulls(pose(), 0.0), tool.hulls(pose(), 0.02), strict=True):
