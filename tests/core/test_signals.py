@@ -43,6 +43,7 @@ async def record() -> None:
             await anyio.sleep_forever()
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # These tests may themselves run under `nohup`.
     signal.signal(signal.SIGINT, signal.SIG_IGN if sys.argv[2] else signal.default_int_handler)
     with system_interrupts() as ending:
         sys.exit(exit_code_of(lambda: anyio.run(record), ending))
