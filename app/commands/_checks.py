@@ -32,7 +32,8 @@ PROBE_TIMEOUT_S = 120.0
 SETUP = "make setup"
 EXTRAS = {
     "ray": "only `dipac evaluate --workers ray` needs it",
-    "lerobot": "only `dipac recordings export --to lerobot` needs it",
+    "lerobot": "only datasets of LeRobot, read or written, need it",
+    "ros2": "only `dipac import` of bags of ROS 2 needs it",
 }
 """Features that need each extra of pyproject.toml."""
 KORTEX = f"not needed, dipac's own client speaks with the arm (docs/kinova.md); to have it all the same, {INSTALL}"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from app.core.messages import Frame
+from app.perception.find_tool import find_tool
 from app.perception.paddle_fit import PADDLE_POINTS, paddle_points
 from app.policy.random_sweeps import sweep_design
 from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.push_session import PushSession
-from app.rig.simulated.testbeds import find_testbed
 from app.rig.simulated.worlds.physics import BEAN_WORLD
 from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.bean_sweep import PADDLE, TASK
@@ -62,7 +62,7 @@ def test_where_the_paddle_is_elsewhere_or_unseen_there_are_no_points() -> None:
 def test_a_paddle_is_found_as_the_tool_that_it_is() -> None:
     snapshot = sweeping(1)
     frames = photographed(snapshot, 1)
-    same = find_testbed(TASK).points_of_tool(TASK, frames, snapshot.tool[:7], TASK.perception)
+    same = find_tool(frames, snapshot.tool[:7], TASK.stage.tool, TASK.perception)
     assert np.array_equal(same, found(frames, snapshot))
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import ROPES, Effect, ParticleContext
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import ROPES, Effect, ParticleContext, linear
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
@@ -27,33 +26,14 @@ def varied_rods(rods: RodProperties, context: RodContext, phi: EffectParameters)
     return rods._replace(mass=rods.mass * jnp.exp(s * (phi[:, :1] + 1.5 * phi[:, 1:] * s)))
 
 
+_END = "Logarithm of the mass per length at the object's far end over that in its middle."
+_BOTH = "Two thirds of the logarithm of the mass per length at both ends over that in the middle."
+_USUAL = (0.0, 0.5)
 EFFECT = Effect(
     objects=ROPES,
     parameters=(
-        ParameterSpec(
-            name="mass_slope",
-            unit="1",
-            nominal=0.0,
-            low=-0.7,
-            high=0.7,
-            typical=0.35,
-            scale="linear",
-            about="Logarithm of the mass per length at the object's far end over that in its middle.",
-            null_prior=(0.0, 0.5),
-            rod_null_prior=(0.0, 0.16),
-        ),
-        ParameterSpec(
-            name="mass_bow",
-            unit="1",
-            nominal=0.0,
-            low=-0.5,
-            high=0.5,
-            typical=0.25,
-            scale="linear",
-            about="Two thirds of the logarithm of the mass per length at both ends over that in the middle.",
-            null_prior=(0.0, 0.5),
-            rod_null_prior=(0.21, 0.446),
-        ),
+        linear("mass_slope", "1", (-0.7, 0.35, 0.7), _END, null_prior=_USUAL, rod_null_prior=(0.0, 0.16)),
+        linear("mass_bow", "1", (-0.5, 0.25, 0.5), _BOTH, null_prior=_USUAL, rod_null_prior=(0.21, 0.446)),
     ),
     odd=("mass_slope",),
     mass=varied_mass,

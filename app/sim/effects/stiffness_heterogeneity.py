@@ -9,8 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import ROPES, Effect, ParticleContext
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import ROPES, Effect, ParticleContext, linear
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
@@ -27,33 +26,14 @@ def varied_rods(rods: RodProperties, context: RodContext, phi: EffectParameters)
     return rods._replace(rigidity=rods.rigidity * jnp.exp(s * (phi[:, :1] + 1.5 * phi[:, 1:] * s)))
 
 
+_END = "Logarithm of the stiffness at the object's far end over that in its middle."
+_BOTH = "Two thirds of the logarithm of the stiffness at both ends over that in the middle."
+_USUAL = (0.0, 0.17)
 EFFECT = Effect(
     objects=ROPES,
     parameters=(
-        ParameterSpec(
-            name="stiffness_slope",
-            unit="1",
-            nominal=0.0,
-            low=-1.0,
-            high=1.0,
-            typical=0.5,
-            scale="linear",
-            about="Logarithm of the stiffness at the object's far end over that in its middle.",
-            null_prior=(0.0, 0.17),
-            rod_null_prior=(0.0, 0.237),
-        ),
-        ParameterSpec(
-            name="stiffness_bow",
-            unit="1",
-            nominal=0.0,
-            low=-0.7,
-            high=0.7,
-            typical=0.4,
-            scale="linear",
-            about="Two thirds of the logarithm of the stiffness at both ends over that in the middle.",
-            null_prior=(0.0, 0.17),
-            rod_null_prior=(0.033, 0.288),
-        ),
+        linear("stiffness_slope", "1", (-1.0, 0.5, 1.0), _END, null_prior=_USUAL, rod_null_prior=(0.0, 0.237)),
+        linear("stiffness_bow", "1", (-0.7, 0.4, 0.7), _BOTH, null_prior=_USUAL, rod_null_prior=(0.033, 0.288)),
     ),
     odd=("stiffness_slope",),
     stiffness=varied_stiffness,
