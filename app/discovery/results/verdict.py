@@ -236,5 +236,5 @@ def _meaning(estimate: Estimate) -> str:
 def _amount(value: float, unit: str) -> str:
     """A number with its unit, short lengths and times in thousandths."""
     if unit in ("m", "s") and abs(value) < _SMALL:
-        return f"{1e3 * value:.2g} m{unit}"
+        return f"{float(f'{1e3 * value:.2g}'):g} m{unit}"
     return f"{value:.3g} {'' if unit == '1' else unit}".strip()
