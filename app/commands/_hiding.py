@@ -17,7 +17,7 @@ from jaxtyping import Float32
 
 from app import __version__
 from app.core.errors import RecordingError
-from app.core.geometry.track import Track, poses_at
+from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.find_tool import find_tool
 from app.perception.reconstruct import reconstruct
@@ -229,7 +229,7 @@ class Scribe:
         during, views = self._observe(take.during, _LOOKS * number + 1)
         after, _ = self._observe(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):
-            pose = poses_at(np.array([take.during.stamp_s]), take.measured.times_s, take.measured.poses)[0]
+            pose = take.measured.poses_at(np.array([take.during.stamp_s]))[0]
             tool = find_tool(views, pose, self._task.stage.tool, self._how)
         executed = _execution(take, number, before)
         return [

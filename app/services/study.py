@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from app.core.errors import RecordingError, UsageError
-from app.core.geometry.track import Track, poses_at
+from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.task_name import recorded_name
@@ -142,7 +142,7 @@ def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -
         for transition in episode.transitions:
             made = Track(times_s=transition.executed.times_s, poses=transition.executed.made)
             for seen in _during(episode, transition.executed, low_m):
-                tools[seen.id] = (seen, poses_at(np.array([seen.time_s]), made.times_s, made.poses)[0])
+                tools[seen.id] = (seen, made.poses_at(np.array([seen.time_s]))[0])
     found = look_beside(path, tools, tables, task) if read_cameras(path) else {}
     for episode in blind:
         times = {seen.time_s for seen in episode.particles}

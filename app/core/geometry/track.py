@@ -52,6 +52,10 @@ class Track:
         """The tip's position at other times [m]."""
         return np.stack([np.interp(times_s, self.times_s, self.poses[:, axis]) for axis in range(3)], axis=1)
 
+    def poses_at(self, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S D"]:
+        """The tip's pose at other times, as `poses_at` has it."""
+        return poses_at(times_s, self.times_s, self.poses)
+
     def velocity(self, times_s: Float64[np.ndarray, " S"], over_s: float = 0.04) -> Float64[np.ndarray, "S 3"]:
         """The tip's velocity at times [m/s], by a central difference."""
         return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s

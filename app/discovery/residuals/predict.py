@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
-from app.core.geometry.track import Track, poses_at, upright
+from app.core.geometry.track import Track, upright
 from app.core.types import Points
 from app.discovery.dataset.labels import middles_of
 from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
@@ -184,7 +184,7 @@ class Predictor:
         """The tool's coordinates at these times, as the simulator takes them."""
         if self.subject.tool_coordinates == 3:
             return track.at(times_s)
-        poses = poses_at(times_s, track.times_s, track.poses)
+        poses = track.poses_at(times_s)
         return np.concatenate([poses[:, :3], upright(poses[:, 3:7])], axis=1)
 
 

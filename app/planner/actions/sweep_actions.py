@@ -13,6 +13,7 @@ from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
 from app.policy.base import PlanningState
+from app.policy.random_sweeps import yaw_across
 from app.policy.symmetry import Isometry
 
 _SAMPLES_PER_BRANCH = 32
@@ -163,9 +164,7 @@ class Sweeps:
         """Motion from above the start down, along the sweep, and up; yawed by the lesser angle that is across it."""
         del tool
         start, end = np.asarray(action[:2], np.float64), np.asarray(action[2:], np.float64)
-        yaw = float(np.arctan2(*(end - start)[::-1])) - np.pi / 2
-        # Both faces of the paddle are alike, so half a turn changes nothing.
-        angle = (yaw - np.pi * np.round(yaw / np.pi)) / 2
+        angle = yaw_across(end - start) / 2
         heights = (site.travel_height_m, self.height_m, self.height_m, site.travel_height_m)
         places = zip((start, start, end, end), heights, strict=True)
         return Motion(

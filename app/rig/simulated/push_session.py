@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.errors import UsageError
-from app.core.geometry.track import Track, poses_at
+from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign, midway_s
@@ -207,7 +207,7 @@ def _follow(world: World, track: Track, until_s: float) -> None:
 
 def _pose(track: Track, at_s: float) -> ToolPose:
     """Pose of the closed tool at a time."""
-    return np.append(poses_at(np.array([at_s]), track.times_s, track.poses)[0], 0.0)
+    return np.append(track.poses_at(np.array([at_s]))[0], 0.0)
 
 
 def _wait(world: World, until_s: float) -> None:

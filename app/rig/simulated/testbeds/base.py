@@ -17,10 +17,6 @@ Before: TypeAlias = Float64[np.ndarray, "L 3"]
 """Nodes [m] of an object that was there, as many as its world had."""
 
 
-Reached: TypeAlias = Float64[np.ndarray, "7"]
-"""Pose of the tool by the kinematics: x y z [m] and a quaternion w x y z."""
-
-
 class Testbed(Protocol):
     """A task's object as it is laid, moved at random, and told of in the sealed truth."""
 
