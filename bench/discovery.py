@@ -12,18 +12,21 @@ import argparse
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from rich.console import Console
 
+from app.commands._named import Dynamics
 from app.core.errors import UsageError
+from app.core.geometry.scene_description import Rope
+from app.discovery.dataset.model_under_test import Family
 from app.evaluation.results_log import append
 from app.evaluation.workers import Where, completed_rows
 from app.policy.random_pushes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
-from bench.hidden.draws import WORLDS, Case, Making, World, drawn
+from bench.hidden.draws import BODIES, SIZES, WORLDS, Case, Making, Spread, World, drawn
 from bench.hidden.figures import write_figures
 from bench.hidden.outcome import outcome
 from bench.hidden.scores import rows
@@ -49,21 +52,26 @@ _DEADLINE_S = 7200.0
 def main(options: Sequence[str] | None = None) -> None:
     given = _given(options)
     output = Console(highlight=False)
+    dynamics: Dynamics = given.dynamics if BODIES[given.task] is Rope else "mpm"
+    making = Making(dynamics=dynamics, images=not given.light, task=given.task)
     setup = Setup(
         seed=given.seed,
         plan=PushDesign(episodes=given.episodes, pushes=given.pushes),
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
-        making=Making(dynamics=given.dynamics, images=not given.light),
+        making=making,
         baselines=given.baselines,
         made=given.made,
     )
     given.into.parent.mkdir(parents=True, exist_ok=True)
-    worlds: tuple[World, ...] = WORLDS if given.world == "both" else (given.world,)
-    if given.light and given.dynamics == "mpm":
+    worlds: tuple[World, ...] = making.worlds if given.world == "both" else (given.world,)
+    if not set(worlds) <= set(making.worlds):
+        raise UsageError(f"Our own world has ropes alone; leave --world {given.world} or --task {given.task} out.")
+    if given.light and making.dynamics == "mpm" and making.body is Rope:
         raise UsageError("--light makes ropes that are doubted as rods; leave --light or --dynamics mpm out.")
+    spread = Spread(sizes=tuple(given.sizes), family=given.family)
     numbers = range(given.first, given.first + given.n)
-    cases = [drawn(given.seed, number, world, setup.making) for number in numbers for world in worlds]
+    cases = [drawn(given.seed, number, world, setup.making, spread) for number in numbers for world in worlds]
     _try(output, cases, setup, given.into, given.merge, where=given.workers, jobs=given.jobs)
     lines = [line for line in ledger.read([*given.merge, given.into]) if _is_of(line, setup.making)]
     done = ledger.finished(lines)
@@ -77,7 +85,7 @@ def _is_of(line: dict[str, Any], making: Making) -> bool:
     """True if the recordings of a line were made under the same conditions."""
     case = ledger.whole_case(line)
     seen = case["images"] == making.images or case["world"] == "own"
-    return case["dynamics"] == making.dynamics and seen
+    return (case["task"], case["dynamics"]) == (making.task, making.dynamics) and seen
 
 
 def show(output: Console, lines: Sequence[dict[str, Any]], report: Path | None) -> None:
@@ -166,7 +174,10 @@ def _given(options: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="dipac bench discovery", description=__doc__)
     parser.add_argument("--n", type=int, default=0, help="cases in each world; 0: score what is there")
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
+    parser.add_argument("--task", choices=tuple(BODIES), default="rope_push", help="whose object is moved")
     parser.add_argument("--world", choices=(*WORLDS, "both"), default="both")
+    parser.add_argument("--sizes", type=float, nargs=2, default=SIZES, metavar=("LOW", "HIGH"), help="in typical ones")
+    parser.add_argument("--family", choices=get_args(Family), help="hide effects of this one alone, one in a recording")
     parser.add_argument("--seed", type=int, default=_SEED)
     parser.add_argument("--episodes", type=int, default=10)
     parser.add_argument("--pushes", type=int, default=20, help="in each episode")

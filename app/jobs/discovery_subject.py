@@ -11,6 +11,7 @@ from app.core.geometry.scene_description import Beans
 from app.core.measured_setup import MeasuredSetup
 from app.discovery.checks.placement import centre
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
+from app.discovery.dataset.object_kinds import GRAINS
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor
@@ -85,7 +86,7 @@ def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps) -> Subject:
         particle_count=task.preset("cpu").particle_count,
         nominal=phi_of(nominal_model(task.name)),
         calibrated=tuple(name for name in task.calibrated if name not in causes),
-        kind="grains",
+        kind=GRAINS,
         paddle_half_m=sweeps.half_m,
     )
 

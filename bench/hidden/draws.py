@@ -1,5 +1,6 @@
 """Hidden effects of a case, drawn from its number and a seed by the shares that docs/discovery.md states."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal, TypeAlias, final
@@ -7,7 +8,8 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.core.geometry.scene_description import Body, Rope
+from app.core.geometry.scene_description import Beans, Body, Rope
+from app.discovery.dataset.model_under_test import Family
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
 from app.sim.model.numerics import ANY_NUMERICS
@@ -18,6 +20,8 @@ World: TypeAlias = Literal["own", "mujoco"]
 """The engine that makes the recordings: ours with other numerics, or another one."""
 WORLDS: tuple[World, ...] = ("own", "mujoco")
 
+BODIES: Mapping[str, type[Body]] = {"rope_push": Rope, "bean_sweep": Beans}
+"""Class of each task's object."""
 NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""
 SIZES = 0.25, 2.0
@@ -29,15 +33,38 @@ SIZES = 0.25, 2.0
 class Making:
     """Conditions of a bench: how ropes are simulated by the solver and by our own world; cameras in MuJoCo's.
 
-    `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines stands for them, and
-    errors of images cannot be hidden.
+    `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines, or of pieces, stands
+    for them, and errors of images cannot be hidden. `task`: whose object is moved; our own world has ropes alone.
     """
 
     dynamics: Dynamics = "rods"
     images: bool = True
+    task: str = "rope_push"
+
+    @property
+    def body(self) -> type[Body]:
+        """Class of the object."""
+        return BODIES[self.task]
+
+    @property
+    def worlds(self) -> tuple[World, ...]:
+        """The worlds that have such an object."""
+        return WORLDS if self.body is Rope else ("mujoco",)
 
 
 AS_RODS = Making()
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Spread of the cases: range of sizes, in typical ones; `family`: nothing or one effect of it is hidden."""
+
+    sizes: tuple[float, float] = SIZES
+    family: Family | None = None
+
+
+USUAL_SPREAD = Spread()
 
 
 @final
@@ -64,20 +91,24 @@ class Case:
         return f"{self.world}-{self.number}"
 
 
-def drawn(seed: int, number: int, world: World, making: Making = AS_RODS) -> Case:
+def drawn(seed: int, number: int, world: World, making: Making = AS_RODS, spread: Spread = USUAL_SPREAD) -> Case:
     """The case of that number; the same whatever other cases are drawn."""
     rng = np.random.default_rng([seed, number, WORLDS.index(world)])
     inside, outside = kinds(world, making), outsiders(world, making)
     share = rng.uniform()
     if share < NONE:
         names = list[str]()
+    elif spread.family is not None:
+        families = _families(making)
+        names = [str(rng.choice([name for name in inside if families[name] == spread.family]))]
     elif share < NONE + TWO:
         names = sorted(rng.choice(inside, 2, replace=False).tolist())
     elif share < NONE + TWO + UNKNOWN:
         names = [str(rng.choice(outside))]
     else:
         names = [str(rng.choice(inside))]
-    sizes = np.exp(rng.uniform(np.log(SIZES[0]), np.log(SIZES[1]), len(names))).tolist()
+    least, most = np.log(spread.sizes).tolist()
+    sizes = np.exp(rng.uniform(least, most, len(names))).tolist()
     hidden = tuple(Chosen(effect=name, size=size) for name, size in zip(names, sizes, strict=True))
     return Case(number=number, world=world, hidden=hidden)
 
@@ -85,14 +116,14 @@ def drawn(seed: int, number: int, world: World, making: Making = AS_RODS) -> Cas
 @cache
 def kinds(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """The causes of the solver's catalogue that this world can hide."""
-    names = _catalogued(making.dynamics)
+    names = _catalogued(making)
     return tuple(sorted(names - set(not_injectable()) if world == "own" else names & _hideable(making)))
 
 
 @cache
 def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """Effects that this world can hide and that the solver's catalogue lacks."""
-    return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making.dynamics)))
+    return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making)))
 
 
 def real_size(chosen: Chosen, body: type[Body] = Rope) -> float:
@@ -102,10 +133,16 @@ def real_size(chosen: Chosen, body: type[Body] = Rope) -> float:
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
 
 
-def _catalogued(dynamics: Dynamics) -> frozenset[str]:
-    """Causes of ropes that are simulated so, without those of our own numerics."""
-    subject = subject_of(load(name_with_dynamics("rope_push", dynamics)))
-    return frozenset(cause.name for cause in subject.catalogue().causes) - ANY_NUMERICS
+def _catalogued(making: Making) -> frozenset[str]:
+    """Causes of the object as it is simulated, without those of our own numerics."""
+    return frozenset(_families(making)) - ANY_NUMERICS
+
+
+@cache
+def _families(making: Making) -> Mapping[str, Family]:
+    """Family of each cause of the object as it is simulated."""
+    subject = subject_of(load(name_with_dynamics(making.task, making.dynamics)))
+    return {cause.name: cause.family for cause in subject.catalogue().causes}
 
 
 def _hideable(making: Making) -> frozenset[str]:
@@ -113,5 +150,6 @@ def _hideable(making: Making) -> frozenset[str]:
     return frozenset(
         name
         for name, effect in injectable_effects().items()
-        if making.images or effect.in_world or effect.drive is not None or effect.late_s is not None
+        if making.body in effect.bodies
+        and (making.images or effect.in_world or effect.drive is not None or effect.late_s is not None)
     )

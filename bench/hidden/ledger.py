@@ -10,13 +10,13 @@ from app.evaluation.results_log import lines
 def key_of(line: dict[str, Any]) -> str:
     """Unique key of a line: the world, conditions of recording and solver, the seed, the number, the study's size."""
     case = whole_case(line)
-    names = ("world", "dynamics", "images", "seed", "number", "episodes", "pushes")
+    names = ("world", "task", "dynamics", "images", "seed", "number", "episodes", "pushes")
     return "-".join(str(case[name]) for name in names)
 
 
 def whole_case(line: dict[str, Any]) -> dict[str, Any]:
-    """Case of a line; lines that do not say are of material points, and of images if MuJoCo's."""
-    return {"dynamics": "mpm", "images": line["case"]["world"] == "mujoco", **line["case"]}
+    """Case of a line; lines that do not say are of ropes as material points, and of images if MuJoCo's."""
+    return {"task": "rope_push", "dynamics": "mpm", "images": line["case"]["world"] == "mujoco", **line["case"]}
 
 
 def read(paths: Iterable[Path]) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
-"""Recordings of one drawn rope without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
+"""Recordings of one drawn rope, or of drawn beans, without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
 
-A process of its own. ORDER.json is {world, seed, hidden: [[effect, size], ...], episodes, pushes}; sizes are in typical
-ones. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of rope and finger, too.
+A process of its own. ORDER.json is {task, world, seed, hidden: [[effect, size], ...], episodes, pushes}; sizes are in
+typical ones. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of the object, too.
 """
 
 import argparse
@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from app.policy.random_pushes import PushDesign
+from app.policy.random_sweeps import sweep_design
 from app.rig.simulated.effect_sampling import describe
+from bench.hidden.beans import BeanCase
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.recorded import write
@@ -32,7 +34,11 @@ def make(order: Mapping[str, Any], folder: Path) -> None:
     hidden = tuple(Chosen(effect=name, size=size) for name, size in order["hidden"])
     plan = PushDesign(episodes=order["episodes"], pushes=order["pushes"])
     seed, (_, noise_m) = order["seed"], drawn_cameras(order["seed"])
-    if order["world"] == "own":
+    if order["task"] == "bean_sweep":
+        sweeps = sweep_design(plan.episodes, plan.pushes)
+        beans = BeanCase(seed=seed, hidden=hidden, plan=sweeps, noise_m=noise_m, other_beans=True)
+        task, effects, study = beans.task, describe(beans.injected), beans.record()
+    elif order["world"] == "own":
         own = OwnRope(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
         task, effects, study = own.task, own.world.effects, own.record()
     else:

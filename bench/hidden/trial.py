@@ -19,6 +19,7 @@ from typing import IO, Any, final
 
 import numpy as np
 
+from app.core.geometry.scene_description import Rope
 from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import AS_RODS, WORLDS, Case, Making, kinds, real_size
 from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
@@ -100,6 +101,7 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
     return {
         "number": case.number,
         "world": case.world,
+        "task": setup.making.task,
         "dynamics": setup.making.dynamics,
         "images": setup.making.images and case.world == "mujoco",
         "seed": setup.seed,
@@ -115,10 +117,11 @@ def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
     Where ropes are rods, object and tool are drawn, too; material points are of the cell's.
     """
     seed = int(np.random.SeedSequence([setup.seed, case.number, WORLDS.index(case.world)]).generate_state(1)[0])
-    order = {"name": "made", "seed": seed, "hidden": [[each.effect, each.size] for each in case.hidden]}
+    hidden = [[each.effect, each.size] for each in case.hidden]
+    order = {"name": "made", "task": setup.making.task, "seed": seed, "hidden": hidden}
     if case.world == "mujoco" and setup.making.images:
         return _rendered(case, setup, seed, folder)
-    if setup.making.dynamics == "mpm":
+    if setup.making.dynamics == "mpm" and setup.making.body is Rope:
         if case.world == "mujoco":
             raise ValueError("MuJoCo's world without images is of drawn ropes, which are doubted as rods.")
         return _of_material_points(order, setup, folder)
@@ -131,8 +134,8 @@ def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
 
 def _rendered(case: Case, setup: Setup, seed: int, folder: Path) -> dict[str, Any]:
     """MuJoCo's world in images: `dipac hide`."""
-    wishes = [f"{each.effect}={real_size(each):.6g}" for each in case.hidden]
-    truth, scene = folder / "truth.json", list[str]()
+    wishes = [f"{each.effect}={real_size(each, setup.making.body):.6g}" for each in case.hidden]
+    truth, scene = folder / "truth.json", ["--task", setup.making.task]
     if setup.making.dynamics == "rods":
         cameras, noise_m = drawn_cameras(seed)
         scene = ["--task", drawn_task(seed, "rods", flat=FLAT)]
@@ -172,7 +175,9 @@ def _kept(case: Case, setup: Setup) -> Path | None:
 
 def _way(setup: Setup) -> list[str]:
     """Words for unusual conditions of the recordings."""
-    return ["mpm"] * (setup.making.dynamics == "mpm") + ["blind"] * (not setup.making.images)
+    making = setup.making
+    engine = "mpm" if making.body is Rope else making.task
+    return [engine] * (making.dynamics == "mpm") + ["blind"] * (not making.images)
 
 
 def _made(kept: Path, case: Case, setup: Setup, folder: Path) -> dict[str, Any]:

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, drawn, kinds, outsiders
+from app.jobs.discovery_subject import subject_of
+from app.tasks import load
+from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, Making, Spread, drawn, kinds, outsiders
 
 COUNT = 2000
+BLIND = Making(images=False)
+BEANS = Making(dynamics="mpm", images=False, task="bean_sweep")
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -38,3 +42,22 @@ def test_a_case_depends_on_nothing_but_its_seed_number_and_world() -> None:
 def test_both_worlds_hide_more_than_twenty_kinds_and_some_that_no_catalogue_has() -> None:
     assert all(len(kinds(world)) > 20 and len(outsiders(world)) >= 3 for world in WORLDS)
     assert not any(set(kinds(world)) & set(outsiders(world)) for world in WORLDS)
+
+
+def test_of_one_family_nothing_or_one_effect_is_hidden_of_the_sizes_that_are_wished() -> None:
+    spread = Spread(sizes=(1.0, 2.0), family="physics")
+    known = subject_of(load("rope_push@rods")).catalogue()
+    cases = [drawn(5, number, "mujoco", BLIND, spread) for number in range(COUNT)]
+    assert np.mean([not case.hidden for case in cases]) == pytest.approx(NONE, abs=0.03)
+    assert {len(case.hidden) for case in cases} == {0, 1}
+    hidden = [each for case in cases for each in case.hidden]
+    assert {known.cause(each.effect).family for each in hidden} == {"physics"}
+    assert all(1.0 <= each.size <= 2.0 for each in hidden)
+
+
+def test_in_beans_is_hidden_what_beans_can_have() -> None:
+    assert BEANS.worlds == ("mujoco",)
+    inside, outside = kinds("mujoco", BEANS), outsiders("mujoco", BEANS)
+    assert {"rolling_resistance", "table_tilt", "command_delay", "tcp_offset"} <= set(inside)
+    assert not {"mass_heterogeneity", "mask_erosion", "depth_scale"} & {*inside, *outside}
+    assert "swirl" in outside

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.policy.random_pushes import PushDesign
-from bench.hidden.draws import WORLDS, Case, Chosen
+from app.services.study import read_study
+from bench.hidden.draws import WORLDS, Case, Chosen, Making
 from bench.hidden.outcome import outcome
 from bench.hidden.trial import Setup, handed_over, make, solved, told, tried
 from tests.hidden.synthetic import blamed, line
@@ -60,3 +61,15 @@ def test_a_case_that_takes_too_long_is_a_line_that_says_so() -> None:
     assert made["case"] == told(case, hasty)
     assert made["failure"].startswith("TimeoutExpired")
     assert "verdict" not in made
+
+
+@pytest.mark.serial
+def test_recordings_of_beans_say_which_beans(tmp_path: Path) -> None:
+    beans = replace(SETUP, making=Making(dynamics="mpm", images=False, task="bean_sweep"))
+    case = Case(number=0, world="mujoco", hidden=(Chosen(effect="table_tilt", size=0.5),))
+    truth = make(case, beans, tmp_path)
+    assert truth["task"].startswith("bean_sweep(count=")
+    assert [each["effect"] for each in truth["effects"]] == ["table_tilt"]
+    study = read_study(sorted((tmp_path / "recordings").iterdir()))
+    assert (study.task, len(study.pushes)) == (truth["task"], 1)
+    assert told(case, beans)["task"] == "bean_sweep"

@@ -34,7 +34,7 @@ _MILLI = 1e3
 
 def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
     """Contradictions of each kind."""
-    if subject.kind == "rope":
+    if subject.kind.has_length:
         yield from _size(study, subject)
     yield from same_episodes(study)
     if subject.rods is not None:

@@ -29,7 +29,7 @@ def frame_tests(
         ("camera", "towards or away from the cameras: depth", _turn(means, _angles(places.mean(1) - camera))),
     ]
     tests = [_test(name, about, episode, means, _constant(turned)) for name, about, turned in frames]
-    if trials.kind == "rope":
+    if trials.kind.has_length:
         about = "the same at the same place along the object: stiffness, mass, rest shape"
         tests.append(_test("material", about, episode, means, _along(trials, arrows)))
     tests.append(

@@ -8,7 +8,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import RodModel
-from app.sim.effects.base import ObjectKind
+from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights, labels_by_rank
 from app.sim.rods.state import RodStart
 
@@ -17,14 +17,14 @@ _NODES: Final = 24
 
 
 def label_particles(
-    clouds: Sequence[Points], rods: RodModel | None = None, kind: ObjectKind = "rope"
+    clouds: Sequence[Points], rods: RodModel | None = None, kind: ObjectTraits = ROPE
 ) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
     """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
 
     Which end is the first is kept from cloud to cloud, by which lies nearer to where it was. `rods`: the order along
-    the object is that of its rod, which is right where strands touch, too. What is no rope has no labels.
+    the object is that of its rod, which is right where strands touch, too. What has no length has no labels.
     """
-    if kind != "rope":
+    if not kind.has_length:
         nothing = [no_labels(cloud) for cloud in clouds]
         return np.stack([label for label, _ in nothing]).astype(np.float32), np.stack(clouds).astype(np.float32)
     labels, middles = list[np.ndarray](), list[np.ndarray]()

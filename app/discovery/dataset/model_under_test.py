@@ -11,9 +11,10 @@ from jaxtyping import Float32, Float64
 from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.discovery import sensor_actuator_errors
+from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
-from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, ObjectKind, is_place
+from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, is_place
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, ROD_NUMERICS, RodUnknown
 from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
@@ -66,7 +67,7 @@ class Subject:
     """Sizes that the data do not give, by their names in `tasks.elements.sizes.SIZES`."""
     finger: Finger | None = None
     """The tool, where it is a finger and known which it is."""
-    kind: ObjectKind = "rope"
+    kind: ObjectTraits = ROPE
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
 
@@ -84,7 +85,7 @@ class Subject:
     @property
     def is_ensemble(self) -> bool:
         """True if every push is simulated from several beginnings: of rods, and of pieces, which are chaotic."""
-        return self.rods is not None or self.kind != "rope"
+        return self.rods is not None or self.kind.is_chaotic
 
     @property
     def tool_coordinates(self) -> int:
@@ -138,7 +139,7 @@ class Catalogue:
     """Each with the column of its first parameter."""
     rods: bool = False
     """True for objects as rods."""
-    kind: ObjectKind = "rope"
+    kind: ObjectTraits = ROPE
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of its places in the frame in which they are reported."""
     reach_m: tuple[float, float] = REACH_M
@@ -202,7 +203,7 @@ def unknowns_of(unsaid: Collection[str]) -> tuple[tuple[str, RodUnknown], ...]:
 def catalogue(
     rods: RodModel | None = None,
     *,
-    kind: ObjectKind = "rope",
+    kind: ObjectTraits = ROPE,
     origin_m: tuple[float, float] = (0.0, 0.0),
     reach_m: tuple[float, float] = REACH_M,
 ) -> Catalogue:
@@ -217,7 +218,7 @@ def catalogue(
     causes = list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
-        if not effect.catalogued or kind not in effect.objects or (rods is not None and effect.rod is None):
+        if not effect.catalogued or kind.name not in effect.objects or (rods is not None and effect.rod is None):
             continue
         columns = tuple(index(spec.name) for spec in effect.parameters)
         causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
@@ -228,7 +229,7 @@ def catalogue(
         specs += effect.parameters
         held.append((effect, first))
         columns = tuple(range(first, len(specs)))
-        if kind in effect.objects:
+        if kind.name in effect.objects:
             causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
     # What is compiled can only be finer, wider or earlier.
     numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]

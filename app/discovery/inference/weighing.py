@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Family
+from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fit_mixed_effects
 from app.discovery.residuals.rows import Residuals
-from app.sim.effects.base import ObjectKind
 from app.sim.parameter import NullPrior, ParameterSpec
 
 NULL_PRIOR_SD: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
@@ -30,10 +30,6 @@ That of mass along the object is MuJoCo's: its rope moves as if its ends were li
 and forces of no cause among them, were learnt likewise from 283 recordings of three worlds, ropes, fingers and
 frictions drawn for each (docs/discovery-model.md). What has a direction has no mean, and the same in all.
 """
-GRAIN_PHYSICS = 1.0
-"""The same of all physics of loose pieces: what 15 causes seemed to be in four recordings of MuJoCo's beans that had
-none of them, root mean square, is 0.8, and of some of them (friction that falls with speed, cohesion, an obstacle, an
-attraction) the same in all four. So a cause of physics of a typical size is not named in pieces."""
 Z90 = 1.645
 """Half width of a 90 % interval, in standard deviations."""
 CALIBRATED = 10.0
@@ -69,10 +65,10 @@ class Prior:
         return replace(self, variance=variance)
 
 
-def null_prior(family: Family, spec: ParameterSpec, *, rods: bool = False, kind: ObjectKind = "rope") -> NullPrior:
+def null_prior(family: Family, spec: ParameterSpec, *, rods: bool = False, kind: ObjectTraits = ROPE) -> NullPrior:
     """Null prior of the apparent size of a cause of this family in one of its parameters, in steps."""
-    if kind == "grains" and family == "physics":
-        return 0.0, GRAIN_PHYSICS
+    if family == "physics" and kind.physics_null_sd is not None:
+        return 0.0, kind.physics_null_sd
     if rods and spec.rod_null_prior is not None:
         return spec.rod_null_prior
     if family == "numerics":

@@ -179,7 +179,7 @@ def _girth(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) 
 
     Nothing where nobody said the radius, or it has no length.
     """
-    if trials.kind != "rope" or "radius_m" in predictor.subject.unsaid:
+    if not trials.kind.has_length or "radius_m" in predictor.subject.unsaid:
         return None
     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
     points = predictor.unproject(trials.study.pushes[k].before.points, eye, theta)

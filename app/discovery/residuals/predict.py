@@ -69,7 +69,7 @@ class Predictor:
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
         along = (trials.labels[k, :, 0] + 1) / 2
-        middle = middles_of(along, points) if trials.kind == "rope" else points
+        middle = middles_of(along, points) if trials.kind.has_length else points
         return self.observe(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
     def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:

@@ -151,7 +151,7 @@ def _erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, 
     Of ropes that is what physics do. What a paddle does to pieces it errs about as well: one that is 4 mm higher leaves
     some of them behind in the simulation, and none in the world.
     """
-    apparatus = ("sensing", "actuation") if catalogue.kind == "rope" else ()
+    apparatus = () if catalogue.kind.errs_with_tool else ("sensing", "actuation")
     outside = {cause.name for cause in catalogue.causes if cause.family in apparatus}
     asked = Counter((step.cause, step.column) for step in steps)
     ways = np.array([asked[step.cause, step.column] for step in steps], np.float64)

@@ -11,12 +11,12 @@ from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
+from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, Basis
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Load
-from app.sim.effects.base import ObjectKind
 
 _LEAD_S, _TAIL_S = 0.05, 0.7
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""
@@ -59,14 +59,14 @@ class SimulationBatch:
     noise_m: float = 1e-3
     smooth: bool = False
     """True if cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
-    kind: ObjectKind = "rope"
+    kind: ObjectTraits = ROPE
     tools: Mapping[View, Float64[np.ndarray, "K 4"]] = field(default_factory=dict[View, Float64[np.ndarray, "K 4"]])
     """Tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
 
     @property
     def modes(self) -> int:
         """Amplitudes, and rows of residuals, of a view; those of the view during a push come first."""
-        return 2 * MODES if self.kind == "rope" else PIECE_MODES
+        return 2 * MODES if self.kind.has_length else PIECE_MODES
 
     @property
     def after_rows(self) -> slice:
@@ -76,11 +76,11 @@ class SimulationBatch:
     @property
     def signs_of_other_end(self) -> Float64[np.ndarray, " R"] | None:
         """Sign of each row of both views where the object's other end is called the first; None without ends."""
-        return REVERSED if self.kind == "rope" else None
+        return REVERSED if self.kind.has_length else None
 
     def basis(self, k: int, view: View, cloud: Points) -> Basis:
         """The modes by which a cloud of push `k`, the prediction of a view, is moved onto the observation."""
-        if self.kind == "rope":
+        if self.kind.has_length:
             return Basis.along(cloud, self.labels[k, :, 0])
         return Basis.around(cloud, self.tools[view][k])
 
@@ -133,7 +133,7 @@ class SimulationBatch:
 
     def _labels_of(self, k: int, cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
         """Labels and middles of the object of push `k` where it lies as this cloud."""
-        return label_of((self.labels[k, :, 0] + 1) / 2, cloud) if self.kind == "rope" else no_labels(cloud)
+        return label_of((self.labels[k, :, 0] + 1) / 2, cloud) if self.kind.has_length else no_labels(cloud)
 
     def _add_noise(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
         """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""
