@@ -117,9 +117,15 @@ def view_of_beans(task: Task, look: StampedSnapshot, rng: np.random.Generator, s
 
 
 def seen_beans(task: Task, nodes: Nodes, rng: np.random.Generator, scale: float) -> Points:
-    """The cloud of beans of these nodes [m], two a bean: the body under what is seen from above."""
+    """The cloud of beans of these nodes [m], two a bean: the body under what is seen from above, in the cameras' box.
+
+    Raises ValueError if no bean is left there.
+    """
     beans, how, count = _beans(task), task.perception, task.preset("cpu").particle_count
     pieces = nodes.reshape(-1, 2, 3)
+    pieces = pieces[how.box.holds(pieces.mean(1).astype(np.float32))]
+    if not len(pieces):
+        raise ValueError("All beans have left the table; draw another seed.")
     surface = _on_surfaces(pieces, beans, rng)
     highest = _from_above(surface.reshape(-1, 3)).reshape(surface.shape[:2])
     level = scale * _BEAN_M * np.append(rng.standard_normal((len(pieces), 2)), np.zeros((len(pieces), 1)), axis=1)

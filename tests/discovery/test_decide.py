@@ -35,6 +35,17 @@ def test_a_cause_that_every_episode_shows_is_earned_however_well_the_null_hypoth
     assert held.gain > 0.5 * suspect.finding.log_bayes / len(np.unique(found.data.episode))
 
 
+def test_a_cause_that_another_does_nearly_alike_is_asked_about_without_it() -> None:
+    found, suspect = with_cause(1.0)
+    slopes = found.data.J.copy()
+    slopes[:, :, 2] = 10 * slopes[:, :, 1] + np.random.default_rng(1).normal(scale=1e-4, size=slopes.shape[:2])
+    loose = replace(found.prior, variance=np.maximum(found.prior.variance, 0.1**2))
+    alike = replace(found, data=replace(found.data, J=slopes), prior=loose)
+    confused, alone = held_out_gain_of_linear(alike, suspect), held_out_gain_of_linear(alike, suspect, [1, 2])
+    assert alone.gain > 2 * max(confused.gain, 0.0)
+    assert is_earned(alone)
+
+
 def test_a_cause_that_is_absent_does_not() -> None:
     assert not is_earned(held_out_gain_of_linear(*with_cause(0.0)))
 

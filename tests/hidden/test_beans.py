@@ -85,6 +85,18 @@ def test_the_cloud_is_where_the_beans_are_and_noisier_cameras_err_more() -> None
     assert np.linalg.norm(cloud.mean(0) - middles.mean(0)) < 0.01
 
 
+def test_beans_that_roll_off_the_table_are_not_seen_and_take_no_memory() -> None:
+    task = load("bean_sweep")
+    nodes = task.start(3)
+    beyond = nodes.reshape(-1, 2, 3).copy()
+    beyond[: len(beyond) // 2, :, 1] += 57.0
+    cloud = seen_beans(task, beyond.reshape(-1, 3), np.random.default_rng(0), 1.0)
+    assert len(cloud) == task.preset("cpu").particle_count
+    assert task.perception.box.holds(cloud).all()
+    with pytest.raises(ValueError, match="All beans have left"):
+        seen_beans(task, nodes + np.array([0.0, 57.0, 0.0]), np.random.default_rng(0), 1.0)
+
+
 def test_the_beans_number_and_mass_are_drawn_and_the_study_says_them() -> None:
     counts, masses = set[int](), list[float]()
     for seed in range(12):

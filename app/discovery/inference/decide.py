@@ -85,9 +85,11 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     singles, catalogue = list[RefinedModel](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
-    for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
+    # A refit of pieces, which are simulated from several beginnings, takes as long as a quarter of their screening.
+    first = measured or (probabilities_of(screening, ()) if catalogue.kind.is_chaotic else None)
+    for suspect in shortlist(screening) if first is None else _probable(screening, first[0]):
         said(f"refitting {suspect.cause}")
-        probable = measured is None or measured[0][suspect.cause] > _WORTH
+        probable = first is None or first[0][suspect.cause] > _WORTH
         singles.append(refit_cause(predictor, trials, screening, suspect, thorough=probable))
     probabilities, nothing = measured or probabilities_of(screening, singles)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
@@ -100,7 +102,7 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
         held = held_out_gain((screening.data, screening.prior), best)
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
-        linear = held_out_gain_of_linear(screening, suspect)
+        linear = held_out_gain_of_linear(screening, suspect, _rivals(catalogue, screening, suspect))
         held = linear if is_earned(linear) else held
     earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
@@ -112,6 +114,18 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
         held=held,
         unknown=unknown,
     )
+
+
+def _rivals(catalogue: Catalogue, screening: Screening, suspect: CandidateCause) -> list[int]:
+    """Columns of other errors of cameras and arm, where a cause is one: they are nearly the same for each other.
+
+    Physics have no such rivals: there, what causes usually seem to be are the simulator's own errors.
+    """
+    families = {cause.name: cause.family for cause in catalogue.causes}
+    apparatus = ("sensing", "actuation")
+    if families[suspect.cause] not in apparatus:
+        return []
+    return [n for n, step in enumerate(screening.steps) if families.get(step.cause) in apparatus]
 
 
 def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[CandidateCause]:

@@ -34,14 +34,15 @@ def held_out_gain(simpler: tuple[Residuals, Prior], model: RefinedModel) -> Held
     return _held_out_gain(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
 
-def held_out_gain_of_linear(screening: Screening, suspect: CandidateCause) -> HeldOutGain:
+def held_out_gain_of_linear(screening: Screening, suspect: CandidateCause, rivals: Sequence[int] = ()) -> HeldOutGain:
     """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
 
     Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does. The nominal model
     has nothing of the cause, and learns nothing of it: what is there by a hundred standard deviations, the null
-    hypothesis would find in other episodes, too, however small it takes it to be.
+    hypothesis would find in other episodes, too, however small it takes it to be. Nor has it anything of the `rivals`,
+    columns of causes that do nearly the same: a depth bias is a depth scale of a thousandth at one distance.
     """
-    data, usual = screening.data, screening.prior
+    data, usual = screening.data, screening.prior.without(sorted({*rivals} - {*suspect.columns}))
     absent, present = usual.without(suspect.columns), usual.wider(suspect.columns)
     return _held_out_gain((data, absent), (data, present), (None, screening.weighing.nothing.covariances))
 
