@@ -1,4 +1,7 @@
-"""Measure what docs/results.md states; each bench prints a table."""
+"""Measure what docs/results.md states; each bench prints a table.
+
+Example: dipac bench sim
+"""
 
 import ast
 import importlib

@@ -1,6 +1,9 @@
-"""Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went.
+"""Estimate stiffness and friction from recorded motions.
 
-On ropes as rods also the friction of the finger, and where its tip is beside where the arm says.
+They are written as a model file, with a plot of how it went. On ropes as rods the friction of the finger is estimated,
+too, and where its tip is beside where the arm says.
+
+Example: dipac calibrate recordings/FILE.mcap -o model.toml
 """
 
 import shlex

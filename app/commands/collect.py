@@ -1,4 +1,7 @@
-"""Record demonstrations: an expert of a task plays episodes in a simulated cell."""
+"""Record demonstrations that an expert plays in a simulated cell.
+
+Example: dipac collect rope_push --episodes 10
+"""
 
 import shlex
 from pathlib import Path

@@ -1,4 +1,9 @@
-"""Open the operator console of a simulated, recorded or real cell; motions wait for approval, or the mode says more."""
+"""Work in the browser, in a simulated, recorded or real cell.
+
+Motions wait for approval, or the mode says more.
+
+Example: dipac console bean_sweep
+"""
 
 from pathlib import Path
 from typing import Annotated

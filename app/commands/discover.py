@@ -1,4 +1,9 @@
-"""Show what the simulation gets wrong in recorded pushes, name the cause, extend the model, measure the gain."""
+"""Find out from recorded pushes what the simulation gets wrong.
+
+Names the cause, extends the model, and measures the gain.
+
+Example: dipac discover recordings/FILE.mcap -o discovery
+"""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,9 @@
-"""Make recordings of random pushes or sweeps in a world with hidden effects; what they are goes to a sealed file."""
+"""Record random pushes in a world with effects hidden in it.
+
+The effects are written to a sealed file.
+
+Example: dipac hide table_tilt --seed 1 -o hidden
+"""
 
 import os
 from pathlib import Path

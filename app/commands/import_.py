@@ -1,4 +1,7 @@
-"""Make a recording of data that were measured with other programs: arrays, bags of ROS 2, datasets, images."""
+"""Make a recording of what other programs measured.
+
+Example: dipac import BAG.mcap --task rope_push -o pushes.mcap
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,9 @@
-"""Find out what the model lacks by pushes that the program chooses, in the simulated cell or for your recordings."""
+"""Find out what the model lacks by pushes that it chooses.
+
+In the simulated cell, or for your recordings.
+
+Example: dipac probe rope_push --budget 24 -o probing
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

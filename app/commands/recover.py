@@ -1,4 +1,7 @@
-"""`dipac recover FILE...`: whole files out of recordings that a crash cut off."""
+"""Make the recording of a killed run whole.
+
+Example: dipac recover recordings/FILE.mcap
+"""
 
 from pathlib import Path
 

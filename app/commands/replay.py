@@ -1,4 +1,9 @@
-"""Look at a recording again: in the console, at any speed, planned again from any moment; or at a failed simulation."""
+"""Look at a recording again, or at a simulation that failed.
+
+In the console, at any speed, planned again from any moment.
+
+Example: dipac replay recordings/FILE.mcap --speed 2
+"""
 
 from functools import partial
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Run a task to its end in the simulated cell, every push approved automatically."""
+"""Run a task to its end in the simulated cell, by itself.
+
+Example: dipac run rope_push --pushes 3
+"""
 
 from pathlib import Path
 from typing import Annotated

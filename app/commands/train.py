@@ -1,4 +1,9 @@
-"""Train a policy on demonstrations: a file for `--policy`, with curves of how it went; what was broken off goes on."""
+"""Train a policy on demonstrations.
+
+It is a file for `--policy`, with curves of how it went; what was broken off goes on.
+
+Example: dipac train rope_push --demos recordings/rope_push -o policy
+"""
 
 import math
 import shlex

@@ -1,4 +1,7 @@
-"""Compare a camera's intrinsics with what images of a board say."""
+"""Compare a camera's intrinsics with images of a board.
+
+Example: dipac calibration check IMAGES
+"""
 
 from datetime import UTC, datetime
 from pathlib import Path

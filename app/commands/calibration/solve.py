@@ -1,4 +1,9 @@
-"""Find where a camera stands, from images of a board and the poses of the gripper at each of them."""
+"""Find where a camera stands, from images of a board.
+
+Of each image the pose of the gripper is given.
+
+Example: dipac calibration solve IMAGES --setup wrist
+"""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime

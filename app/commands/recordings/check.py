@@ -1,4 +1,7 @@
-"""Check that recordings are whole and consistent: every byte, message and cause, and their checksums."""
+"""Check recordings: every byte, message, cause and checksum.
+
+Example: dipac recordings check recordings --note
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,7 @@
-"""Say of recordings whether they succeeded, or take back what was said."""
+"""Say whether recordings succeeded, or take it back.
+
+Example: dipac recordings label success recordings/FILE.mcap --note 'all in place'
+"""
 
 import getpass
 import os

@@ -1,4 +1,7 @@
-"""List the recordings in a folder: a line each, oldest first."""
+"""List the recordings in a folder: a line each, oldest first.
+
+Example: dipac recordings list recordings
+"""
 
 import json as json_format
 import sys

@@ -1,4 +1,7 @@
-"""Rewrite recordings that an older version of the program made as the newest one would have made them."""
+"""Rewrite recordings of older versions as the newest one's.
+
+Example: dipac recordings migrate recordings --dry-run
+"""
 
 from pathlib import Path
 

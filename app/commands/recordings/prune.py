@@ -1,4 +1,7 @@
-"""Delete old recordings: those beyond a size or an age, never what is labelled or to be learnt from."""
+"""Delete old recordings, by size or age; labelled ones stay.
+
+Example: dipac recordings prune recordings --keep-gb 20
+"""
 
 import math
 from pathlib import Path

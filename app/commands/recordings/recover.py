@@ -1,4 +1,7 @@
-"""Whole files out of recordings that a crash cut off; the same as `dipac recover`."""
+"""Make cut or damaged recordings whole; as `dipac recover`.
+
+Example: dipac recordings recover recordings/FILE.mcap
+"""
 
 from pathlib import Path
 

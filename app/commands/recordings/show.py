@@ -1,4 +1,7 @@
-"""Show a recording's contents: its origin, its channels, every push, notices and faults."""
+"""Show a recording's origin, channels, pushes, notices and faults.
+
+Example: dipac recordings show recordings/FILE.mcap
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
