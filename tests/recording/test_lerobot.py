@@ -64,6 +64,13 @@ def test_the_files_are_those_of_the_format(root: Path) -> None:
     }
 
 
+def test_images_that_several_steps_show_are_kept_once(root: Path, paths: list[Path]) -> None:
+    shown = 2 * PUSHES  # Of each camera those before each push; those after the last are of no step.
+    pictures = [picture for path in paths for picture in list(read_pictures(path))[:shown]]
+    stored = sum(path.stat().st_size for path in (root / "data").rglob("*.parquet"))
+    assert stored < 1.1 * sum(len(picture.jpeg) + len(picture.depth) for picture in pictures)
+
+
 def test_the_description_counts_what_is_there(root: Path, rows: Any) -> None:
     info = told(root, "info.json")
     assert info["codebase_version"] == "v3.0"

@@ -141,7 +141,8 @@ class _Steps:
         columns: dict[str, Any] = {key: value.tolist() for key, value in numbers.items()}
         columns |= {key: [{"bytes": data, "path": None} for data in of_one] for key, of_one in images.items()}
         table = self._tools.arrow.Table.from_pydict(columns, schema=schema)
-        if self._writer is not None and self._bytes + table.nbytes > _FILE_MB * 2**20:
+        size = _stored_bytes(numbers, images)
+        if self._writer is not None and self._bytes + size > _FILE_MB * 2**20:
             self._writer.close()
             self._writer, self._file, self._bytes = None, self._file + 1, 0
         place = divmod(self._file, _CHUNK_FILES)
@@ -152,8 +153,14 @@ class _Steps:
                 path, schema, compression="snappy", dictionary_pagesize_limit=_DICTIONARY_BYTES
             )
         self._writer.write_table(table)
-        self._bytes += table.nbytes
+        self._bytes += size
         return place
+
+
+def _stored_bytes(numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]]) -> int:
+    """Size of an episode in a file, where images that several steps show are kept once."""
+    files = {data for of_one in images.values() for data in of_one}
+    return sum(map(len, files)) + sum(value.nbytes for value in numbers.values())
 
 
 def _features(samples: Samples) -> dict[str, Any]:

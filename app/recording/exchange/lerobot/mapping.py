@@ -14,6 +14,7 @@ STATE, ACTION, OBJECT, GOAL = "observation.state", "action", "observation.enviro
 IMAGE: Final = "observation.images."
 MAPPING: Final = "topics.toml"
 """File of the mapping, in the dataset's folder."""
+_DECIMALS: Final = 9
 
 
 def depth_key(camera: str) -> str:
@@ -48,6 +49,6 @@ def _streams(camera: CameraModel, *, has_depth: bool) -> CameraStreams:
         color=f"{IMAGE}{camera.name}",
         depth=depth_key(camera.name) if has_depth else "",
         intrinsics=(float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])),
-        pose=(*T[:3, 3].tolist(), *turn.tolist()),
+        pose=tuple(round(value, _DECIMALS) for value in (*T[:3, 3].tolist(), *turn.tolist())),
         distortion=(0.0,) * 5,
     )
