@@ -11,12 +11,15 @@ import atexit
 import errno
 import importlib
 import inspect
+import io
 import os
+import re
 import shutil
 import sys
 import tempfile
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -151,8 +154,24 @@ def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
 
     module = _module_of(file)
     function, read = getattr(module, file.stem), getattr(module, "ARGUMENTS", list[str])
-    text = _description(module, function)
-    tyro.cli(function, prog=prog, description=text, args=read(arguments), registry=REGISTRY)
+    text, given = _description(module, function), read(arguments)
+    with _wrapped_output() if {"-h", "--help"} & set(given) else nullcontext():
+        tyro.cli(function, prog=prog, description=text, args=given, registry=REGISTRY)
+
+
+@contextmanager
+def _wrapped_output() -> Iterator[None]:
+    """Print what is printed meanwhile in lines of the terminal's width: tyro wraps options alone."""
+    terminal, width = sys.stdout, shutil.get_terminal_size().columns
+    with redirect_stdout(io.StringIO()) as printed:
+        try:
+            yield
+        finally:
+            lines = [
+                textwrap.fill(line, width, subsequent_indent=_INDENT if line.startswith("usage:") else "")
+                for line in _GAP.sub("\n\n", printed.getvalue()).rstrip().splitlines()
+            ]
+            terminal.write("\n".join([*lines, ""]))
 
 
 def _module_of(file: Path) -> ModuleType:
@@ -160,11 +179,15 @@ def _module_of(file: Path) -> ModuleType:
 
 
 def _description(module: ModuleType, function: Callable[..., object]) -> str:
-    """What `--help` says of a command: its module's docstring, and before the example there, its function's."""
+    """Text of a command's `--help`: its module's docstring and, before the example there, its function's."""
     *told, example = (inspect.getdoc(module) or "").split("\n\n")
-    details = (inspect.getdoc(function) or "").partition("\nArgs:")[0].split("\n\n")
-    paragraphs = [" ".join(each.split()) for each in (*told, *details, example)]
-    return "\n\n".join(filter(None, paragraphs))
+    details = _SECTION.split(inspect.getdoc(function) or "")[0].split("\n\n")
+    return "\n\n".join(each for each in (*told, *details, example) if each)
+
+
+_GAP = re.compile(r"\n{3,}")
+_INDENT = " " * len("usage: ")
+_SECTION = re.compile(r"^(?:Args|Returns|Raises):$", re.MULTILINE)
 
 
 def _print_completion(shell: str = "") -> None:
@@ -195,7 +218,7 @@ def _overview(files: dict[str, Path], prog: str) -> str:
             *head,
             *lines,
             "",
-            f"`{prog} COMMAND --help` says what a command does, lists its options and has an example.",
+            f"`{prog} COMMAND --help` says more, lists options and has an example.",
             *tail,
             "",
         ]
@@ -206,15 +229,15 @@ _FIRST_STEPS = (
     "A robot arm moves ropes, beans, cloths and liquids by plans that it simulates.",
     "",
     "First steps:",
-    "  dipac run rope_push          a simulated arm pushes a rope to a goal, by itself",
-    "  dipac console rope_push      the same in the browser; you approve each motion",
-    "  dipac recordings list        what was recorded; `dipac replay FILE` shows it",
+    "  dipac run rope_push       a simulated arm pushes a rope to a goal, by itself",
+    "  dipac console rope_push   the same in the browser; you approve each motion",
+    "  dipac recordings list     what was recorded; `dipac replay FILE` shows it",
     "",
     "Commands:",
 )
 _MORE = (
-    "`dipac --version` prints the version, `dipac --print-completion SHELL` a script that",
-    "completes words in bash, zsh or fish (docs/installing.md).",
+    "`dipac --version` prints the version; `dipac --print-completion bash`, zsh or",
+    "fish, a script that completes words in that shell (docs/installing.md).",
 )
 
 

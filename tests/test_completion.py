@@ -11,21 +11,27 @@ from app.__main__ import main
 from app.core.errors import UsageError
 
 SHELLS = ("bash", "zsh", "fish")
+PRINT = """
+import sys
+from app.__main__ import main
+for shell in sys.argv[1:]:
+    assert main(["--print-completion", shell]) == 0
+    sys.stdout.write(chr(0))
+"""
 
 
 @pytest.fixture(scope="module")
 def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the script of each shell, under its name."""
     folder = tmp_path_factory.mktemp("completion")
-    for shell in SHELLS:
-        program = "import sys; from app.__main__ import main; sys.exit(main(['--print-completion', sys.argv[1]]))"
-        made = subprocess.run([sys.executable, "-c", program, shell], capture_output=True, text=True, check=True)
-        (folder / shell).write_text(made.stdout)
+    made = subprocess.run([sys.executable, "-c", PRINT, *SHELLS], capture_output=True, text=True, check=True)
+    for shell, script in zip(SHELLS, made.stdout.split("\0"), strict=False):
+        (folder / shell).write_text(script)
     return folder
 
 
 def completed(scripts: Path, folder: Path, *words: str) -> set[str]:
-    """What bash offers for the last of the words, in a folder."""
+    """Offers of bash for the last of the words, in a folder."""
     names = " ".join(f"'{word}'" for word in words)
     program = (
         f"source {scripts}/bash; COMP_WORDS=({names}); COMP_CWORD={len(words) - 1}; COMP_TYPE=9; "

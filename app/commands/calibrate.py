@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import Files
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
@@ -33,7 +34,7 @@ from app.tasks.elements.base import Task
 
 
 def calibrate(
-    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    recordings: Files,
     /,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the model file to write")] = Path("model.toml"),

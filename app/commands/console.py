@@ -12,13 +12,14 @@ import anyio
 import tyro
 from rich.text import Text
 
+from app.commands._arguments import TaskArgument
 from app.commands._episode import RunOptions, episode
 from app.commands._options import Options
 from app.ui.terminal import Output
 
 
 def console(
-    task: tyro.conf.Positional[str] = "rope_push",
+    task: TaskArgument = "rope_push",
     /,
     *,
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),

@@ -38,7 +38,10 @@ _PERCENT: Final = 100
 
 
 def import_(
-    file: tyro.conf.Positional[Path],
+    file: Annotated[
+        tyro.conf.Positional[Path],
+        tyro.conf.arg(metavar="FILE", help="arrays (.npz), a bag, or the folder of a bag, a dataset or images"),
+    ],
     /,
     *,
     output: Annotated[

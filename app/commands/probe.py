@@ -13,6 +13,7 @@ import tyro
 from rich.console import Console
 from rich.prompt import Confirm
 
+from app.commands._arguments import TaskArgument
 from app.commands._hiding import PushRecordingConfig
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
@@ -36,7 +37,7 @@ _MOST = 400
 
 
 def probe(
-    task: tyro.conf.Positional[str] = "rope_push",
+    task: TaskArgument = "rope_push",
     /,
     *,
     output: Annotated[

@@ -12,6 +12,7 @@ from typing import Annotated, Final
 import anyio
 import tyro
 
+from app.commands._arguments import FileArgument
 from app.core.errors import ParameterError, UsageError
 from app.ui.terminal import Output
 
@@ -19,7 +20,7 @@ _PORT: Final = 8088
 
 
 def replay(
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(help="a recording, or the .npz that a failure named")],
+    file: Annotated[FileArgument, tyro.conf.arg(metavar="FILE", help="a recording, or the .npz that a failure named")],
     /,
     *,
     at: Annotated[float, tyro.conf.arg(help="the moment to begin at [s]")] = 0.0,

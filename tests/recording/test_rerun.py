@@ -35,7 +35,7 @@ READ_AS = {
 
 
 def rerun(*arguments: str | Path) -> str:
-    """What Rerun's command line prints."""
+    """Output of Rerun's command line."""
     ran = subprocess.run(
         ["rerun", *map(str, arguments)], capture_output=True, text=True, check=False, timeout=TIMEOUT_S
     )

@@ -5,10 +5,10 @@ Example: dipac recordings check recordings --note
 
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.text import Text
 
+from app.commands._arguments import Places
 from app.commands._progress import counting
 from app.core.errors import RecordingError
 from app.recording.format import digests
@@ -17,7 +17,7 @@ from app.recording.library.recording_index import shelf
 
 
 def check(
-    places: tyro.conf.Positional[tuple[Path, ...]] = (Path("recordings"),),
+    places: Places = (Path("recordings"),),
     /,
     *,
     note: bool = False,

@@ -13,6 +13,7 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TaskID, TimeRemainingColumn
 
+from app.commands._arguments import Places
 from app.commands._preflight import make_folder, unwritable
 from app.commands._progress import counting
 from app.core.bounds import check_range
@@ -28,7 +29,7 @@ _LONGEST_REST_S = 10.0
 
 
 def export(
-    places: tyro.conf.Positional[tuple[Path, ...]],
+    places: Places,
     /,
     *,
     to: Format,

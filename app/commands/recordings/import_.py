@@ -9,10 +9,11 @@ from typing import Annotated
 import tyro
 
 from app.commands import import_ as command
+from app.commands._arguments import FileArgument
 
 
 def import_(
-    file: tyro.conf.Positional[Path],
+    file: FileArgument,
     /,
     *,
     output: Annotated[

@@ -5,11 +5,11 @@ Example: dipac recordings label success recordings/FILE.mcap --note 'all in plac
 
 import getpass
 import os
-from pathlib import Path
 
 import tyro
 from rich.console import Console
 
+from app.commands._arguments import Files
 from app.core.errors import RecordingError, UsageError
 from app.recording.format import digests
 from app.recording.library.label import SUCCESS_LABELS, Label, SuccessLabel, relabel
@@ -18,7 +18,7 @@ from app.recording.library.recording_index import shelf
 
 def label(
     said: tyro.conf.Positional[SuccessLabel],
-    files: tyro.conf.Positional[tuple[Path, ...]],
+    files: Files,
     /,
     *,
     note: str = "",

@@ -3,11 +3,9 @@
 Example: dipac recordings migrate recordings --dry-run
 """
 
-from pathlib import Path
-
-import tyro
 from rich.console import Console
 
+from app.commands._arguments import Files
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.channels import SCHEMA_VERSION
 from app.recording.format.integrity import version_of
@@ -16,7 +14,7 @@ from app.recording.library.renew import renew
 
 
 def migrate(
-    files: tyro.conf.Positional[tuple[Path, ...]],
+    files: Files,
     /,
     *,
     dry_run: bool = False,

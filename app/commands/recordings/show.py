@@ -4,13 +4,12 @@ Example: dipac recordings show recordings/FILE.mcap
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import FileArgument
 from app.commands._progress import print_whole
 from app.core.dialogue.words import duration, number, size
 from app.core.errors import RecordingError
@@ -23,7 +22,7 @@ from app.recording.read.reader import read_messages
 from app.ui.terminal import HEADER, outcome_line
 
 
-def show(file: tyro.conf.Positional[Path], /) -> None:
+def show(file: FileArgument, /) -> None:
     """Print everything but images and clouds, which Foxglove shows.
 
     Args:

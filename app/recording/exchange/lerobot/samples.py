@@ -36,7 +36,7 @@ class CameraImages:
     camera: CameraModel | None
 
     def without_files(self) -> "CameraImages":
-        """What is known of the camera alone, in little memory; whether it has depth stays."""
+        """The camera alone, which takes little memory; `depth` still says whether there is any."""
         return replace(self, jpeg=(), depth=self.depth[:1])
 
 
