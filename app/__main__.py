@@ -18,7 +18,7 @@ import shutil
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
@@ -75,7 +75,10 @@ def exit_code_of(action: Callable[[], None], ending: EndingSignal | None = None)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == __package__:
             raise
-        _complain(f"the Python package {error.name} is missing: `make clean setup` makes .venv anew; recordings stay")
+        _complain(
+            f"the Python package {error.name} is missing: `make clean setup` makes .venv anew in a checkout; "
+            "elsewhere install dipac anew. Recordings stay"
+        )
         return DipacError.exit_code
     except OutputRefused as error:
         silence(sys.stdout)
@@ -160,7 +163,7 @@ def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
 
 
 @contextmanager
-def _wrapped_output() -> Iterator[None]:
+def _wrapped_output() -> Generator[None]:
     """Print what is printed meanwhile in lines of the terminal's width: tyro wraps options alone."""
     terminal, width = sys.stdout, shutil.get_terminal_size().columns
     with redirect_stdout(io.StringIO()) as printed:

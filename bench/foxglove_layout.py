@@ -20,7 +20,7 @@ _CLOUDS = {
     "/plan/predicted": "#c678dd99",
 }
 """Clouds of points by their channels, and the colour of each."""
-_LINES = ("/plan/branches", "/executed/path", "/tool/pose")
+_LINES, _TOOL = ("/plan/branches", "/executed/path"), "/tool/pose"
 _NEAREST_MM, _FARTHEST_MM = 500, 1300
 """Depth that is drawn black and white."""
 
@@ -53,18 +53,19 @@ _SPEED = {axis: f"velocity[{index}]" for index, axis in enumerate("xyz")}
 
 
 def _scene() -> fl.ThreeDeePanel:
-    clouds = {
+    topics: dict[str, fl.BaseRendererTopicSettings] = {
         topic: fl.BaseRendererPointCloudTopicSettings(visible=True, point_size=4, color_mode="flat", flat_color=color)
         for topic, color in _CLOUDS.items()
     }
-    shown = {topic: fl.BaseRendererBaseSettings(visible=True) for topic in _LINES}
-    cameras = {calibration_topic(name): fl.BaseRendererCameraTopicSettings(visible=True) for name in _CAMERAS}
+    topics |= {topic: fl.BaseRendererSceneUpdateTopicSettings(visible=True) for topic in _LINES}
+    topics |= {_TOOL: fl.BaseRendererPoseTopicSettings(visible=True)}
+    topics |= {calibration_topic(name): fl.BaseRendererCameraTopicSettings(visible=True) for name in _CAMERAS}
     return fl.ThreeDeePanel(
         title="Scene",
         config=fl.ThreeDeeConfig(
             follow_tf=WORLD,
             follow_mode="follow-none",
-            topics={**clouds, **shown, **cameras},
+            topics=topics,
             layers={"table": fl.BaseRendererGridLayerSettings(visible=True, frame_id=WORLD, size=2, divisions=20)},
             camera_state=fl.ThreeDeeCameraState(
                 distance=1.4, phi=50, theta_offset=90, target_offset=(0.55, 0.0, 0.0), perspective=True

@@ -65,5 +65,8 @@ def _command_line(commands: CommandTree) -> SubcommandApp:
     """All commands as one command line."""
     whole = SubcommandApp()
     for name, (line, target) in commands.items():
-        whole.command(target if callable(target) else _command_line(target), name=name, help=line)
+        if callable(target):
+            whole.command(name=name, help=line)(target)
+        else:
+            whole.command(_command_line(target), name=name, help=line)
     return whole

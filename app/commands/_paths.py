@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Final, Union, get_args
+from typing import Any, Final, Literal, Union, get_args
 
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
@@ -35,12 +35,17 @@ def optional_rule(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | No
     of_value = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(kind, info.markers))
     if not isinstance(of_value, PrimitiveConstructorSpec) or of_value.nargs != 1:
         return None
-    return replace(
-        of_value,
-        instance_from_str=lambda words: None if words[0] in _NOTHING else of_value.instance_from_str(words),
-        is_instance=lambda given: given is None or of_value.is_instance(given),
-        str_from_instance=lambda given: [_NOTHING[0]] if given is None else of_value.str_from_instance(given),
-    )
+
+    def from_words(words: list[str]) -> Any:
+        return None if words[0] in _NOTHING else of_value.instance_from_str(words)
+
+    def to_words(given: Any) -> list[str]:
+        return [_NOTHING[0]] if given is None else of_value.str_from_instance(given)
+
+    def is_instance(given: Any) -> bool | Literal["~"]:
+        return given is None or of_value.is_instance(given)
+
+    return replace(of_value, instance_from_str=from_words, is_instance=is_instance, str_from_instance=to_words)
 
 
 _NOTHING: Final = ("none", "None")

@@ -10,7 +10,7 @@ from app.core.errors import UsageError
 from app.recording.library import recover as recording
 
 
-def recover(files: Files, /) -> None:
+def recover(*, files: Files) -> None:
     """Make whole files of recordings that were cut off or damaged; the originals stay as they are.
 
     Args:
