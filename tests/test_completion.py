@@ -2,7 +2,7 @@
 
 import shutil
 import subprocess
-import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -11,22 +11,15 @@ from app.__main__ import main
 from app.core.errors import UsageError
 
 SHELLS = ("bash", "zsh", "fish")
-PRINT = """
-import sys
-from app.__main__ import main
-for shell in sys.argv[1:]:
-    assert main(["--print-completion", shell]) == 0
-    sys.stdout.write(chr(0))
-"""
 
 
 @pytest.fixture(scope="module")
 def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the script of each shell, under its name."""
     folder = tmp_path_factory.mktemp("completion")
-    made = subprocess.run([sys.executable, "-c", PRINT, *SHELLS], capture_output=True, text=True, check=True)
-    for shell, script in zip(SHELLS, made.stdout.split("\0"), strict=False):
-        (folder / shell).write_text(script)
+    for shell in SHELLS:
+        with (folder / shell).open("w", encoding="utf-8") as script, redirect_stdout(script):
+            assert main(["--print-completion", shell]) == 0
     return folder
 
 
