@@ -5,7 +5,7 @@ import re
 import shlex
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 import tyro
@@ -62,3 +62,20 @@ def test_help_has_an_example_that_the_command_takes(words: tuple[str, ...], caps
     inert = functools.wraps(function)(lambda *_, **__: "parsed")
     assert tyro.cli(inert, args=given, registry=REGISTRY) == "parsed"
     assert any(f"Example: dipac {' '.join(words)}" in line for line in lines(words, capsys))
+
+
+def test_an_option_that_may_be_left_out_is_that_of_its_value_and_takes_none(capsys: pytest.CaptureFixture[str]) -> None:
+    def say(*, file: Path | None = None, kind: Literal["rods", "mpm"] | None = None) -> tuple[Path | None, str | None]:
+        return file, kind
+
+    def parsed(*arguments: str) -> tuple[Path | None, str | None]:
+        return tyro.cli(say, args=arguments, registry=REGISTRY)
+
+    assert parsed() == (None, None)
+    assert parsed("--file", "a.toml", "--kind", "mpm") == (Path("a.toml"), "mpm")
+    assert parsed("--file", "None") == (None, None)
+    with pytest.raises(SystemExit):
+        parsed("--help")
+    told = capsys.readouterr().out
+    assert "--file PATH" in told
+    assert "--kind {rods,mpm}" in told

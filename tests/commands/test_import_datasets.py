@@ -87,6 +87,15 @@ def test_a_dataset_that_this_program_wrote_is_read_again(tmp_path: Path) -> None
         assert np.array_equal(again.color, first.color)
 
 
+def test_depth_in_parts_of_a_millimetre_comes_in_to_a_tenth_of_one(tmp_path: Path) -> None:
+    root, path = tmp_path / "set", demonstration(tmp_path, seed=0, depth_unit_m=0.00005)
+    export([path], root, fps=10)
+    first = next(message for message in read_messages(path, [Frame]) if isinstance(message, Frame))
+    again = episode_of(root).look(0.0).frames[0]
+    assert again.camera.depth_unit_m == 0.0001
+    assert again.depth * 0.0001 == pytest.approx(first.depth * 0.00005, abs=0.5001e-4)
+
+
 def test_pushes_that_go_out_as_a_dataset_come_in_again_as_they_were(tmp_path: Path, capsys) -> None:
     first, again, root = tmp_path / "first.mcap", tmp_path / "again.mcap", tmp_path / "out"
     source = write_dataset(tmp_path / "set", RopeScene(pushes=2), episodes=1)
