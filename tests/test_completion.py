@@ -42,12 +42,14 @@ def test_bash_completes_commands_options_and_choices(scripts: Path, tmp_path: Pa
     assert completed(scripts, tmp_path, "dipac", "re") == {"recordings", "recover", "replay"}
     assert completed(scripts, tmp_path, "dipac", "recordings", "ex") == {"export"}
     assert "--labelled" in completed(scripts, tmp_path, "dipac", "recordings", "export", "--l")
+    assert completed(scripts, tmp_path, "dipac", "run", "pour") == {"pour_soup", "pour_water"}
     assert completed(scripts, tmp_path, "dipac", "recordings", "export", "--to", "") == {"lerobot", "npz", "ply"}
 
 
 @pytest.mark.serial
 def test_bash_leaves_arguments_that_are_files_to_its_own_completion(scripts: Path, tmp_path: Path) -> None:
     assert completed(scripts, tmp_path, "dipac", "replay", "") == set()
+    assert completed(scripts, tmp_path, "dipac", "run", "rope_push", "") == set()
     registered = subprocess.run(
         ["bash", "--norc", "-c", f"source {scripts}/bash; complete -p dipac"],
         capture_output=True,
