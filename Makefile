@@ -6,7 +6,7 @@ SHELL := /bin/sh
 .SUFFIXES:
 # Images of Python often set it, and then every process would compile every module anew; `make clean` removes the files.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup develop static run console test check test-slow bench docs pictures lock clean
+.PHONY: help setup develop static run console test check test-slow wheel bench docs pictures lock clean
 
 CANDIDATES := python3.11 python3.12 python3.13 python3.14 python3
 IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
@@ -104,6 +104,10 @@ check: test ## the same as test
 
 test-slow: develop ## the tests that take minutes
 	$(PYTEST) -m slow --hypothesis-profile=search
+
+wheel: setup ## build dist/dipac-*.whl, which pip and uvx install
+	$(PIP) wheel --disable-pip-version-check --quiet --no-deps --no-build-isolation --wheel-dir dist .
+	@ls dist/*.whl
 
 bench: setup ## measure what docs/results.md states
 	$(BIN)/dipac bench

@@ -1,28 +1,39 @@
 """The command line `dipac`: finds a command, imports that one alone, and reports every error in one line.
 
 A command is a file in `app/commands` that defines a function of its own name; the function's typed parameters become
-the command's options and the first line of the file's docstring its help. So a new command is one new file. A folder
-there is a command with commands of its own, found in the same way; the docstring of its package is its help.
+the command's options, and both docstrings its help: the file's begins with its line in the overview and ends with an
+example. So a new command is one new file. A folder there is a command with commands of its own, found in the same way;
+the docstring of its package is its help.
 """
 
 import ast
 import atexit
 import errno
 import importlib
+import inspect
+import io
 import os
+import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+import textwrap
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from app import __version__
 from app.core.errors import DipacError, PreflightError, UsageError
 from app.core.system.signals import EndingSignal, system_interrupts
 from app.core.system.standard_streams import OutputRefused, prepare_streams, silence
 
+if TYPE_CHECKING:
+    from app.commands._completion import Command
+
 COMMANDS = Path(__file__).parent / "commands"
+_COMPLETE = "--print-completion"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,7 +75,10 @@ def exit_code_of(action: Callable[[], None], ending: EndingSignal | None = None)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == __package__:
             raise
-        _complain(f"the Python package {error.name} is missing: `make clean setup` makes .venv anew; recordings stay")
+        _complain(
+            f"the Python package {error.name} is missing: `make clean setup` makes .venv anew in a checkout; "
+            "elsewhere install dipac anew. Recordings stay"
+        )
         return DipacError.exit_code
     except OutputRefused as error:
         silence(sys.stdout)
@@ -116,6 +130,8 @@ def command_names(folder: Path = COMMANDS) -> dict[str, Path]:
 def _run(arguments: list[str]) -> None:
     if arguments[:1] == ["--version"]:
         sys.stdout.write(f"dipac {__version__}\n")
+    elif arguments[:1] == [_COMPLETE]:
+        _print_completion(*arguments[1:2])
     else:
         _run_among(COMMANDS, "dipac", arguments)
 
@@ -139,17 +155,93 @@ def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
 
     from app.commands._paths import REGISTRY
 
-    module = importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))
-    read = getattr(module, "ARGUMENTS", list[str])
-    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments), registry=REGISTRY)
+    module = _module_of(file)
+    function, read = getattr(module, file.stem), getattr(module, "ARGUMENTS", list[str])
+    text, given = _description(module, function), read(arguments)
+    with _wrapped_output() if {"-h", "--help"} & set(given) else nullcontext():
+        tyro.cli(function, prog=prog, description=text, args=given, registry=REGISTRY)
+
+
+@contextmanager
+def _wrapped_output() -> Generator[None]:
+    """Print what is printed meanwhile in lines of the terminal's width: tyro wraps options alone."""
+    terminal, width = sys.stdout, shutil.get_terminal_size().columns
+    with redirect_stdout(io.StringIO()) as printed:
+        try:
+            yield
+        finally:
+            lines = [
+                textwrap.fill(line, width, subsequent_indent=_INDENT if line.startswith("usage:") else "")
+                for line in _GAP.sub("\n\n", printed.getvalue()).rstrip().splitlines()
+            ]
+            terminal.write("\n".join([*lines, ""]))
+
+
+def _module_of(file: Path) -> ModuleType:
+    return importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))
+
+
+def _description(module: ModuleType, function: Callable[..., object]) -> str:
+    """Text of a command's `--help`: its module's docstring and, before the example there, its function's."""
+    *told, example = (inspect.getdoc(module) or "").split("\n\n")
+    details = _SECTION.split(inspect.getdoc(function) or "")[0].split("\n\n")
+    return "\n\n".join(each for each in (*told, *details, example) if each)
+
+
+_GAP = re.compile(r"\n{3,}")
+_INDENT = " " * len("usage: ")
+_SECTION = re.compile(r"^(?:Args|Returns|Raises):$", re.MULTILINE)
+
+
+def _print_completion(shell: str = "") -> None:
+    """Print the script that completes words in a shell; every command is imported for it."""
+    from app.commands._completion import completion_script
+
+    sys.stdout.write(completion_script(shell, _command_tree(COMMANDS)))
+
+
+def _command_tree(folder: Path) -> "dict[str, Command]":
+    """All commands of a folder, with the functions that they are."""
+    from app.commands._completion import Command
+
+    return {
+        name: Command(_first_line(file), _command_tree(file) if file.is_dir() else getattr(_module_of(file), file.stem))
+        for name, file in command_names(folder).items()
+    }
 
 
 def _overview(files: dict[str, Path], prog: str) -> str:
     width = max(map(len, files), default=0)
     lines = [f"  {name:<{width}}  {_first_line(file)}" for name, file in files.items()]
+    head, tail = (_FIRST_STEPS, _MORE) if prog == "dipac" else ((), ())
     return "\n".join(
-        [f"usage: {prog} COMMAND [options]", "", *lines, "", f"`{prog} COMMAND --help` lists a command's options.", ""]
+        [
+            f"usage: {prog} COMMAND [options]",
+            "",
+            *head,
+            *lines,
+            "",
+            f"`{prog} COMMAND --help` says more, lists options and has an example.",
+            *tail,
+            "",
+        ]
     )
+
+
+_FIRST_STEPS = (
+    "A robot arm moves ropes, beans, cloths and liquids by plans that it simulates.",
+    "",
+    "First steps:",
+    "  dipac run rope_push       a simulated arm pushes a rope to a goal, by itself",
+    "  dipac console rope_push   the same in the browser; you approve each motion",
+    "  dipac recordings list     what was recorded; `dipac replay FILE` shows it",
+    "",
+    "Commands:",
+)
+_MORE = (
+    "`dipac --version` prints the version; `dipac --print-completion bash`, zsh or",
+    "fish, a script that completes words in that shell (docs/installing.md).",
+)
 
 
 def _first_line(path: Path) -> str:

@@ -29,7 +29,10 @@ State: TypeAlias = Literal["ok", "missing", "optional"]
 PROBE_TIMEOUT_S = 120.0
 """Generous: importing JAX or Open3D from a cold disk takes tens of seconds."""
 
-SETUP = "make setup"
+IN_CHECKOUT = (Path(__file__).parents[2] / "Makefile").is_file()
+SETUP = "make setup" if IN_CHECKOUT else "install dipac anew: pip install --force-reinstall WHEEL"
+DISPLAY = "apt-get install libegl1 libgl1 libx11-6, or what has libEGL, libGL and libX11 on this system; then " + SETUP
+"""Remedy where Open3D does not load: it links to what draws windows, although none is opened."""
 EXTRAS = {
     "ray": "only `dipac evaluate --workers ray` needs it",
     "lerobot": "only datasets of LeRobot, read or written, need it",
@@ -131,13 +134,15 @@ def _library(requirement: str) -> CheckResult:
         return CheckResult(what=name, state="ok", found=metadata.version(name))
     except metadata.PackageNotFoundError:
         if extra:
-            mend = f'{EXTRAS[extra[1]]}: .venv/bin/pip install -e ".[{extra[1]}]"'
+            named = f'.venv/bin/pip install -e ".[{extra[1]}]"' if IN_CHECKOUT else f'pip install "dipac[{extra[1]}]"'
+            mend = f"{EXTRAS[extra[1]]}: {named}"
             return CheckResult(what=name, state="optional", found="not installed", mend=mend)
         return CheckResult(what=name, state="missing", found="not installed", mend=SETUP)
 
 
 def _open3d() -> list[CheckResult]:
-    return [_loads("open3d loads", "from app.core.system.shared_libraries import load_open3d; load_open3d()")]
+    code = "from app.core.system.shared_libraries import load_open3d; load_open3d()"
+    return [_loads("open3d loads", code, mend=DISPLAY)]
 
 
 def census() -> ProbeResult:
@@ -253,10 +258,10 @@ def _port(site: Site) -> list[CheckResult]:
     return [CheckResult(what="console port", state="ok", found=f"{address} is free")]
 
 
-def _loads(what: str, code: str) -> CheckResult:
+def _loads(what: str, code: str, *, mend: str = SETUP) -> CheckResult:
     probe = _probe(code)
     if probe.failure:
-        return CheckResult(what=what, state="missing", found=probe.failure, mend=SETUP)
+        return CheckResult(what=what, state="missing", found=probe.failure, mend=mend)
     return CheckResult(what=what, state="ok", found=str(probe.said or "yes"))
 
 

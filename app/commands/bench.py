@@ -1,9 +1,13 @@
-"""Measure what docs/results.md states; each bench prints a table."""
+"""Measure what docs/results.md states; each bench prints a table.
+
+Example: dipac bench sim
+"""
 
 import ast
 import importlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -15,7 +19,14 @@ _OWN = ("-h", "--help", "--list-only", "--no-list-only", "--json")
 
 
 def bench(
-    names: tyro.conf.Positional[tuple[str, ...]] = (), /, *, list_only: bool = False, json: Path | None = None
+    names: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        tyro.conf.arg(metavar="NAME ...", help="benches; all where none is named", help_behavior_hint=""),
+    ] = (),
+    /,
+    *,
+    list_only: Annotated[bool, tyro.conf.arg(help="say what there is, and measure nothing")] = False,
+    json: Annotated[Path | None, tyro.conf.arg(help="write the rows of a single bench to this file")] = None,
 ) -> None:
     """Run the named benches one after the other, or all of them; `--list-only` lists them.
 

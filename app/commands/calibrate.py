@@ -1,6 +1,9 @@
-"""Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went.
+"""Estimate stiffness and friction from recorded motions.
 
-On ropes as rods also the friction of the finger, and where its tip is beside where the arm says.
+They are written as a model file, with a plot of how it went. On ropes as rods the friction of the finger is estimated,
+too, and where its tip is beside where the arm says.
+
+Example: dipac calibrate recordings/FILE.mcap -o model.toml
 """
 
 import shlex
@@ -13,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import Files
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
@@ -30,7 +34,7 @@ from app.tasks.elements.base import Task
 
 
 def calibrate(
-    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    recordings: Files,
     /,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the model file to write")] = Path("model.toml"),

@@ -1,4 +1,7 @@
-"""Record demonstrations: an expert of a task plays episodes in a simulated cell."""
+"""Record demonstrations that an expert plays in a simulated cell.
+
+Example: dipac collect rope_push --episodes 10
+"""
 
 import shlex
 from pathlib import Path
@@ -8,6 +11,7 @@ import tyro
 from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
+from app.commands._arguments import TaskArgument
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
@@ -24,7 +28,7 @@ _TRIES = 5
 
 
 def collect(
-    task: tyro.conf.Positional[str],
+    task: TaskArgument,
     /,
     *,
     episodes: int = 10,
@@ -43,7 +47,7 @@ def collect(
     whatever it was good for, and a policy does as it was shown.
 
     Args:
-        task: whose expert plays, such as rope_push; an unknown one is answered with all names.
+        task: whose expert plays.
         episodes: number of recordings.
         seed: that of the first problem; the next ones count up.
         preset: whose number of particles the clouds have; auto asks this machine.

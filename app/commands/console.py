@@ -1,4 +1,9 @@
-"""Open the operator console of a simulated, recorded or real cell; motions wait for approval, or the mode says more."""
+"""Work in the browser, in a simulated, recorded or real cell.
+
+Motions wait for approval, or the mode says more.
+
+Example: dipac console bean_sweep
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,13 +12,14 @@ import anyio
 import tyro
 from rich.text import Text
 
+from app.commands._arguments import TaskArgument
 from app.commands._episode import RunOptions, episode
 from app.commands._options import Options
 from app.ui.terminal import Output
 
 
 def console(
-    task: tyro.conf.Positional[str] = "rope_push",
+    task: TaskArgument = "rope_push",
     /,
     *,
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),

@@ -1,4 +1,9 @@
-"""Show what the simulation gets wrong in recorded pushes, name the cause, extend the model, measure the gain."""
+"""Find out from recorded pushes what the simulation gets wrong.
+
+Names the cause, extends the model, and measures the gain.
+
+Example: dipac discover recordings/FILE.mcap -o discovery
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,6 +11,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from app.commands._arguments import Files
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._report import report_on
@@ -14,7 +20,7 @@ from app.services.study import read_study
 
 
 def discover(
-    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    recordings: Files,
     /,
     *,
     task: Annotated[str | None, tyro.conf.arg(help="the task, where the recordings do not say it")] = None,

@@ -1,4 +1,7 @@
-"""Say what this installation has, what it lacks, and the command that mends it."""
+"""Say what this installation lacks, and what mends it.
+
+Example: dipac doctor
+"""
 
 import json as json_format
 import sys

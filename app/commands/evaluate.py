@@ -1,4 +1,9 @@
-"""Compare planners and ablations on the simulated cell, over seeds: a table, curves, and one line an episode."""
+"""Compare planners and ablations over seeds, in the simulated cell.
+
+Writes a table, curves, and one line an episode.
+
+Example: dipac evaluate --task rope_push --planner dipac cem_mpc --seeds 3 -o compared
+"""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path

@@ -1,4 +1,9 @@
-"""Make recordings of random pushes or sweeps in a world with hidden effects; what they are goes to a sealed file."""
+"""Record random pushes in a world with effects hidden in it.
+
+The effects are written to a sealed file.
+
+Example: dipac hide table_tilt --seed 1 -o hidden
+"""
 
 import os
 from pathlib import Path
@@ -27,13 +32,20 @@ _NOISE_MM = 0.1, 5.0
 
 
 def hide(
-    effects: tyro.conf.Positional[tuple[str, ...]] = (),
+    effects: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        tyro.conf.arg(
+            metavar="EFFECT[=SIZE] ...",
+            help="effects of docs/hidden-effects.md; a control without any",
+            help_behavior_hint="",
+        ),
+    ] = (),
     /,
     *,
     seed: Annotated[int, tyro.conf.arg(help="of everything that is drawn: world, pushes, directions, places, noise")],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the recordings, new or empty")],
-    episodes: int = 8,
-    pushes: int = 8,
+    episodes: Annotated[int, tyro.conf.arg(help="recordings to make")] = 8,
+    pushes: Annotated[int, tyro.conf.arg(help="pushes or sweeps of each")] = 8,
     task: Annotated[
         str, tyro.conf.arg(help="rope_push, also with sizes, as 'rope_push(radius_m=0.006)', or bean_sweep")
     ] = "rope_push",
@@ -44,7 +56,7 @@ def hide(
     world: Annotated[RopeModel, tyro.conf.arg(help="the rope: a chain of bodies, or an elastic cable")] = "chain",
     truth: Annotated[Path | None, tyro.conf.arg(help="the sealed file; by default OUTPUT.truth.json")] = None,
 ) -> None:
-    """Each effect is EFFECT or EFFECT=SIZE, in SI units; no effect at all makes a control. See docs/hidden-effects.md.
+    """Sizes are in SI units; an effect without one has a random size.
 
     `dipac discover OUTPUT/*.mcap` is then to find what was hidden, without the sealed file.
     """

@@ -1,4 +1,7 @@
-"""Make a recording of data that were measured with other programs: arrays, bags of ROS 2, datasets, images."""
+"""Make a recording of what other programs measured.
+
+Example: dipac import BAG.mcap --task rope_push -o pushes.mcap
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -35,7 +38,10 @@ _PERCENT: Final = 100
 
 
 def import_(
-    file: tyro.conf.Positional[Path],
+    file: Annotated[
+        tyro.conf.Positional[Path],
+        tyro.conf.arg(metavar="FILE", help="arrays (.npz), a bag, or the folder of a bag, a dataset or images"),
+    ],
     /,
     *,
     output: Annotated[

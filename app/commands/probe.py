@@ -1,4 +1,9 @@
-"""Find out what the model lacks by pushes that the program chooses, in the simulated cell or for your recordings."""
+"""Find out what the model lacks by pushes that it chooses.
+
+In the simulated cell, or for your recordings.
+
+Example: dipac probe rope_push --budget 24 -o probing
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +13,7 @@ import tyro
 from rich.console import Console
 from rich.prompt import Confirm
 
+from app.commands._arguments import TaskArgument
 from app.commands._hiding import PushRecordingConfig
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
@@ -31,7 +37,7 @@ _MOST = 400
 
 
 def probe(
-    task: tyro.conf.Positional[str] = "rope_push",
+    task: TaskArgument = "rope_push",
     /,
     *,
     output: Annotated[

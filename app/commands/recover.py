@@ -1,19 +1,20 @@
-"""`dipac recover FILE...`: whole files out of recordings that a crash cut off."""
+"""Make the recording of a killed run whole.
 
-from pathlib import Path
+Example: dipac recover recordings/FILE.mcap
+"""
 
 from rich.console import Console
-from tyro.conf import Positional
 
+from app.commands._arguments import Files
 from app.core.errors import UsageError
 from app.recording.library import recover as recording
 
 
-def recover(*, files: Positional[tuple[Path, ...]]) -> None:
+def recover(*, files: Files) -> None:
     """Make whole files of recordings that were cut off or damaged; the originals stay as they are.
 
     Args:
-        files: The recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
+        files: recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
     """
     if not files:
         raise UsageError("Name at least one recording: dipac recover FILE...")

@@ -1,4 +1,9 @@
-"""Look at a recording again: in the console, at any speed, planned again from any moment; or at a failed simulation."""
+"""Look at a recording again, or at a simulation that failed.
+
+In the console, at any speed, planned again from any moment.
+
+Example: dipac replay recordings/FILE.mcap --speed 2
+"""
 
 from functools import partial
 from pathlib import Path
@@ -7,6 +12,7 @@ from typing import Annotated, Final
 import anyio
 import tyro
 
+from app.commands._arguments import FileArgument
 from app.core.errors import ParameterError, UsageError
 from app.ui.terminal import Output
 
@@ -14,7 +20,7 @@ _PORT: Final = 8088
 
 
 def replay(
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(help="a recording, or the .npz that a failure named")],
+    file: Annotated[FileArgument, tyro.conf.arg(metavar="FILE", help="a recording, or the .npz that a failure named")],
     /,
     *,
     at: Annotated[float, tyro.conf.arg(help="the moment to begin at [s]")] = 0.0,

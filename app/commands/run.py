@@ -1,4 +1,7 @@
-"""Run a task to its end in the simulated cell, every push approved automatically."""
+"""Run a task to its end in the simulated cell, by itself.
+
+Example: dipac run rope_push --pushes 3
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +10,7 @@ import anyio
 import tyro
 from rich.text import Text
 
+from app.commands._arguments import TaskArgument
 from app.commands._episode import EpisodeReport, RunOptions, episode
 from app.commands._options import Options
 from app.commands._preflight import check_writable, unwritable
@@ -17,7 +21,7 @@ __all__ = ["EpisodeReport", "Options", "run"]
 
 
 def run(
-    task: tyro.conf.Positional[str] = "rope_push",
+    task: TaskArgument = "rope_push",
     /,
     *,
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
@@ -25,7 +29,8 @@ def run(
 ) -> EpisodeReport:
     """Push the object to its goal; the console is served meanwhile, and STOP works there.
 
-    A program gets the report that is printed; what ended the episode early is raised after that.
+    Returns:
+        The report that is printed; what ended the episode early is raised after that.
     """
     output = Output()
     order = RunOptions(asked=task, options=options, automatic=True)

@@ -1,4 +1,9 @@
-"""Train a policy on demonstrations: a file for `--policy`, with curves of how it went; what was broken off goes on."""
+"""Train a policy on demonstrations.
+
+It is a file for `--policy`, with curves of how it went; what was broken off goes on.
+
+Example: dipac train rope_push --demos recordings/rope_push -o policy
+"""
 
 import math
 import shlex
@@ -11,6 +16,7 @@ from rich.console import Console
 from rich.progress import Progress as Bar
 from rich.progress import TaskID, TimeRemainingColumn
 
+from app.commands._arguments import TaskArgument
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
@@ -35,7 +41,7 @@ _SAVE_EVERY = 500
 
 
 def train(
-    task: tyro.conf.Positional[str],
+    task: TaskArgument,
     /,
     *,
     demos: tuple[Path, ...],
@@ -49,8 +55,8 @@ def train(
     """Learn what was demonstrated, and what follows from it by the task's symmetries; the last recording is held out.
 
     Args:
-        task: whose policy it is, such as rope_push; an unknown one is answered with all names.
-        demos: recordings: ten are enough, of `dipac collect` or the console.
+        task: whose policy it is.
+        demos: recordings or folders of them: ten are enough, of `dipac collect` or the console.
         policy: the way to learn; an unknown one is answered with all names.
         steps: at most; fewer where what is held out gains nothing any more.
         batch: situations that a step is made of.

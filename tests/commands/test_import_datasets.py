@@ -11,14 +11,16 @@ import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError
+from app.core.messages import Episode, Executed, Frame, Goal, Particles, Transition, fresh_id
 from app.recording.exchange.foreign_file import open_foreign
 from app.recording.exchange.lerobot.dataset import export
 from app.recording.exchange.lerobot.videos import metres_of
 from app.recording.exchange.streams.measured_episode import MeasuredEpisode
-from app.recording.read.reader import read_transitions
+from app.recording.read.reader import read_messages, read_transitions
 from tests.recording.datasets import COLOR, DEPTH, QUANTISED, quantised, video_path, write_dataset
-from tests.recording.demonstrations import PARTICLES, demonstration
+from tests.recording.demonstrations import demonstration
 from tests.recording.rope_scene import RADIUS_M, RopeScene, camera_pose
+from tests.recording.samples import record
 
 pytest.importorskip("pyarrow", reason="The package `pyarrow` is missing; install dipac[lerobot].")
 SCENE = RopeScene(pushes=1)
@@ -68,13 +70,57 @@ def test_depth_is_unquantised_as_lerobot_quantises_it() -> None:
 
 
 def test_a_dataset_that_this_program_wrote_is_read_again(tmp_path: Path) -> None:
-    root = tmp_path / "set"
-    export([demonstration(tmp_path, seed=0)], root, fps=10)
+    root, path = tmp_path / "set", demonstration(tmp_path, seed=0)
+    assert export([path], root, fps=10).is_placed
     episode = episode_of(root)
     assert episode.state is not None
     assert episode.command is not None
     assert episode.command.times_s[0] == pytest.approx(0.1)
-    assert len(episode.look(0.0).points) == PARTICLES
+    recorded = [message for message in read_messages(path, [Frame]) if isinstance(message, Frame)]
+    for first, again in zip(recorded[:2], episode.look(0.0).frames, strict=True):
+        assert again.camera.name == first.camera.name
+        assert np.allclose(again.camera.K, first.camera.K)
+        assert np.allclose(again.camera.T_world_camera, first.camera.T_world_camera)
+        assert np.array_equal(again.depth, first.depth)
+        assert again.camera.depth_unit_m == first.camera.depth_unit_m
+        # Both went through the same JPEG.
+        assert np.array_equal(again.color, first.color)
+
+
+def test_depth_in_parts_of_a_millimetre_comes_in_to_a_tenth_of_one(tmp_path: Path) -> None:
+    root, path = tmp_path / "set", demonstration(tmp_path, seed=0, depth_unit_m=0.00005)
+    export([path], root, fps=10)
+    first = next(message for message in read_messages(path, [Frame]) if isinstance(message, Frame))
+    again = episode_of(root).look(0.0).frames[0]
+    assert again.camera.depth_unit_m == 0.0001
+    assert again.depth * 0.0001 == pytest.approx(first.depth * 0.00005, abs=0.5001e-4)
+
+
+def test_pushes_that_go_out_as_a_dataset_come_in_again_as_they_were(tmp_path: Path, capsys) -> None:
+    first, again, root = tmp_path / "first.mcap", tmp_path / "again.mcap", tmp_path / "out"
+    source = write_dataset(tmp_path / "set", RopeScene(pushes=2), episodes=1)
+    import_(source, output=first, task="rope_push", topics=topics(source, capsys))
+    said = list(read_messages(first))
+    episode = next(message for message in said if isinstance(message, Episode))
+    seen = next(message for message in said if isinstance(message, Particles))
+    goal = Goal(id=fresh_id("goal"), time_s=seen.time_s, positions=seen.positions)  # Measured pushes have none.
+    kinds = Particles | Frame | Executed | Transition
+    shown = record(tmp_path / "shown", episode, [goal, *(it for it in said if isinstance(it, kinds))])
+    export([shown], root, fps=20, rest_s=0.5)
+    import_(root, output=again)  # Task, tool and cameras stand in the dataset.
+    before, after = read_transitions(first), read_transitions(again)
+    assert len(before) == len(after) == 2
+    for one, other in zip(before, after, strict=True):
+        for cloud, same in ((one.before, other.before), (one.after, other.after)):
+            assert place_and_size(cloud) == pytest.approx(place_and_size(same), abs=1e-3)
+        assert np.ptp(other.executed.commanded, axis=0)[:3] == pytest.approx(
+            np.ptp(one.executed.commanded, axis=0)[:3], abs=5e-3
+        )
+
+
+def place_and_size(cloud: np.ndarray) -> list[float]:
+    """Middle and extent of a cloud [m]."""
+    return [*cloud.mean(axis=0), *np.ptp(cloud, axis=0)]
 
 
 def test_a_place_and_a_rotation_vector_are_a_pose(tmp_path: Path) -> None:

@@ -176,8 +176,10 @@ def test_a_dataset_of_what_succeeded(folder: Path, tmp_path: Path, capsys) -> No
     )
     assert "no whole recording labelled success" in error
     said(capsys, "label", "success", paths(folder)[1])
-    told = said(capsys, "export", folder, "--to", "lerobot", "-o", out, "--labelled", "success", "--fps", 20)
-    assert "1 episodes, 60 steps at 20 a second" in told
+    chosen = ("export", folder, "--to", "lerobot", "--labelled", "success", "--fps", 20)
+    assert "1 episodes, 60 steps at 20 a second" in said(capsys, *chosen, "--rest", 0, "-o", out)
+    # Half a second after each of three motions.
+    assert "1 episodes, 90 steps at 20 a second" in said(capsys, *chosen, "-o", tmp_path / "rested")
     assert json.loads((out / "meta" / "info.json").read_text())["fps"] == 20
 
 

@@ -11,19 +11,28 @@ from tests.recording.samples import Maker, record
 
 PUSHES, PARTICLES, PERIOD_S = 3, 40, 0.01
 TURN = (0.0, 1.0, 0.0, 0.0)
+K = np.array([[600.0, 0.0, 319.5], [0.0, 600.0, 239.5], [0.0, 0.0, 1.0]])
 
 
-def demonstration(folder: Path, *, seed: int = 0, particles: int = PARTICLES, cameras: int = 2, **told: object) -> Path:
+def demonstration(
+    folder: Path,
+    *,
+    seed: int = 0,
+    particles: int = PARTICLES,
+    cameras: int = 2,
+    depth_unit_m: float = 0.001,
+    **told: object,
+) -> Path:
     """A whole recording of three pushes along x; `told` is what its episode says otherwise."""
     make = Maker(seed=seed)
     said = {"task": "rope_push", "rig": "simulated", "seed": seed, "config": json.dumps({"expert": True})} | told
     episode = make(Episode, cause=(), time_s=100.0, **said)
-    return record(folder, episode, messages(make, particles, cameras))
+    return record(folder, episode, messages(make, particles, cameras, depth_unit_m))
 
 
-def messages(make: Maker, count: int, cameras: int) -> list[Message]:
+def messages(make: Maker, count: int, cameras: int, depth_unit_m: float = 0.001) -> list[Message]:
     names = [f"camera{index}" for index in range(cameras)]
-    models = [make(CameraModel, name=name) for name in names]
+    models = [make(CameraModel, name=name, K=K, depth_unit_m=depth_unit_m) for name in names]
     goal = make(Goal, cause=(), time_s=100.0, positions=cloud(make, count, 0.6))
     told: list[Message] = [goal]
     now_s, before = 101.0, None

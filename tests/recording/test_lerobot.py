@@ -13,6 +13,7 @@ import pytest
 from app.core.errors import PreflightError, RecordingError, UsageError
 from app.core.messages import Episode, Executed, Frame, Goal, Particles, fresh_id
 from app.recording.exchange.lerobot.dataset import export
+from app.recording.exchange.lerobot.depth_image import tiff_depth
 from app.recording.exchange.lerobot.samples import sample
 from app.recording.library.label import Label, relabel
 from app.recording.read.reader import read_messages, read_pictures
@@ -23,6 +24,7 @@ datasets = pytest.importorskip("datasets", reason="The package `datasets` is mis
 FPS = 10
 STEPS = PUSHES * FPS
 IMAGES = ("observation.images.camera0", "observation.images.camera1")
+DEPTHS = tuple(f"{name}_depth" for name in IMAGES)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,8 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture(scope="module")
 def root(paths: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dataset") / "new"
-    assert export(paths, folder, fps=FPS) == (3, 3 * STEPS)
+    # Cameras of these recordings differ, so nothing says where they are.
+    assert export(paths, folder, fps=FPS) == (3, 3 * STEPS, False)
     return folder
 
 
@@ -61,6 +64,13 @@ def test_the_files_are_those_of_the_format(root: Path) -> None:
     }
 
 
+def test_images_that_several_steps_show_are_kept_once(root: Path, paths: list[Path]) -> None:
+    shown = 2 * PUSHES  # Of each camera those before each push; those after the last are of no step.
+    pictures = [picture for path in paths for picture in list(read_pictures(path))[:shown]]
+    stored = sum(path.stat().st_size for path in (root / "data").rglob("*.parquet"))
+    assert stored < 1.1 * sum(len(picture.jpeg) + len(picture.depth) for picture in pictures)
+
+
 def test_the_description_counts_what_is_there(root: Path, rows: Any) -> None:
     info = told(root, "info.json")
     assert info["codebase_version"] == "v3.0"
@@ -72,6 +82,12 @@ def test_the_description_counts_what_is_there(root: Path, rows: Any) -> None:
         "dtype": "image",
         "shape": [480, 640, 3],
         "names": ["height", "width", "channels"],
+    }
+    assert info["features"][DEPTHS[1]] == {
+        "dtype": "image",
+        "shape": [480, 640, 1],
+        "names": ["height", "width", "channels"],
+        "info": {"is_depth_map": True, "depth_unit": "mm"},
     }
     path = info["data_path"].format(chunk_index=0, file_index=0)
     assert (root / path).is_file()
@@ -93,7 +109,7 @@ def test_the_tool_the_object_and_the_goal_are_those_of_the_recording(paths: list
     said = list(read_messages(paths[1], [Executed, Particles, Goal]))
     made = [message for message in said if isinstance(message, Executed)]
     seen = [message for message in said if isinstance(message, Particles)]
-    own = rows.select(range(STEPS, 2 * STEPS)).remove_columns(list(IMAGES)).with_format("numpy")[:]
+    own = rows.select(range(STEPS, 2 * STEPS)).remove_columns([*IMAGES, *DEPTHS]).with_format("numpy")[:]
     for push, executed in enumerate(made):
         part = slice(push * FPS, (push + 1) * FPS)
         assert np.allclose(own["observation.state"][part, :7], executed.measured[:-1:10], atol=1e-6)
@@ -122,10 +138,60 @@ def test_a_goal_that_is_set_in_between_is_that_of_the_steps_after_it(tmp_path: P
 
 def test_images_are_the_newest_of_the_recording_byte_by_byte(paths: list[Path], rows: Any) -> None:
     raw = rows.cast_column(IMAGES[1], datasets.Image(decode=False))
-    pictures = [picture for picture in read_pictures(paths[0]) if picture.camera == "camera1"]
+    pictures = [picture for picture in read_pictures(paths[0]) if picture.camera.name == "camera1"]
     for step in (0, FPS - 1, FPS, STEPS - 1):
         assert raw[step][IMAGES[1]]["bytes"] == pictures[step // FPS].jpeg
     assert rows[0][IMAGES[1]].size == (640, 480)
+
+
+def test_depth_is_the_newest_of_the_recording_without_loss(paths: list[Path], rows: Any) -> None:
+    frames = [frame for frame in read_messages(paths[0], [Frame]) if isinstance(frame, Frame)]
+    of_one = [frame for frame in frames if frame.camera.name == "camera1"]
+    for step in (0, FPS - 1, FPS, STEPS - 1):
+        depth = np.asarray(rows[step][DEPTHS[1]])
+        assert depth.dtype == np.uint16
+        assert np.array_equal(depth, of_one[step // FPS].depth)
+
+
+def test_depth_in_other_steps_than_millimetres_becomes_metres(tmp_path: Path) -> None:
+    path = demonstration(tmp_path, depth_unit_m=0.00025)
+    images = sample(path, FPS).images["camera0"]
+    assert images.depth_unit == "m"
+    frame = next(it for it in read_messages(path, [Frame]) if isinstance(it, Frame))
+    metres = tiff_depth(images.depth[0])
+    assert metres.dtype == np.float32
+    assert np.array_equal(metres, (frame.depth * 0.00025).astype(np.float32))
+
+
+def test_images_without_any_reading_of_depth_have_none_in_the_dataset(tmp_path: Path) -> None:
+    path = demonstration(tmp_path / "with")
+    said = list(read_messages(path))
+    episode = next(message for message in said if isinstance(message, Episode))
+    blind = [
+        replace(message, depth=np.zeros_like(message.depth)) if isinstance(message, Frame) else message
+        for message in said
+        if isinstance(message, Goal | Particles | Frame | Executed)
+    ]
+    without = record(tmp_path / "without", episode, blind)
+    assert sample(without, FPS).images["camera0"].depth == []
+    with pytest.raises(RecordingError, match="no depth"):
+        export([path, without], tmp_path / "new", fps=FPS)
+
+
+def test_a_rest_shows_what_came_of_each_motion(paths: list[Path]) -> None:
+    rest_s = 0.5
+    samples = sample(paths[0], FPS, rest_s)
+    resting = round(rest_s * FPS)
+    assert len(samples) == STEPS + PUSHES * resting
+    seen = [it.positions for it in read_messages(paths[0], [Particles]) if isinstance(it, Particles)]
+    pictures = [it.jpeg for it in read_pictures(paths[0]) if it.camera.name == "camera0"]
+    for push in range(PUSHES):
+        own = slice(push * (FPS + resting) + FPS, (push + 1) * (FPS + resting))
+        assert np.array_equal(samples.object[own], np.repeat(seen[push + 1][None], resting, 0))
+        assert set(samples.images["camera0"].jpeg[own]) == {pictures[push + 1]}
+        # The arm stands where it ended, and is told to.
+        assert np.ptp(samples.state[own], axis=0).max() == 0
+        assert np.ptp(samples.action[own], axis=0).max() == 0
 
 
 def test_episodes_say_where_their_steps_are_and_tasks_what_they_are_called(root: Path) -> None:
@@ -150,6 +216,10 @@ def test_statistics_are_those_of_the_steps(root: Path, rows: Any, paths: list[Pa
     image = np.asarray(PIL.Image.open(io.BytesIO(next(iter(read_pictures(paths[0]))).jpeg))) / 255
     assert np.shape(stats[IMAGES[0]]["mean"]) == (3, 1, 1)
     assert np.allclose(np.ravel(stats[IMAGES[0]]["mean"]), image.mean((0, 1)), atol=0.01)
+    depths = np.stack([np.asarray(row[DEPTHS[0]]) for row in rows.select_columns([DEPTHS[0]])])
+    assert np.shape(stats[DEPTHS[0]]["mean"]) == (1, 1, 1)
+    assert stats[DEPTHS[0]]["max"][0][0][0] <= depths.max()
+    assert stats[DEPTHS[0]]["mean"][0][0][0] == pytest.approx(depths.mean(), rel=0.05)
 
 
 def test_recordings_that_are_unlike_each_other_are_refused_by_name(paths: list[Path], tmp_path: Path) -> None:

@@ -1,1 +1,1 @@
-"""Calibrate cameras: print a board, check intrinsics, and solve for camera poses from images and gripper poses."""
+"""Find where cameras stand: a board, a check, and the solution."""

@@ -1,4 +1,7 @@
-"""Make a ChArUco board to print at true scale, as PDF, SVG or PNG."""
+"""Make a ChArUco board to print at true scale: PDF, SVG or PNG.
+
+Example: dipac calibration board -o board.pdf
+"""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,13 +1,16 @@
-"""Compare a camera's intrinsics with what images of a board say."""
+"""Compare a camera's intrinsics with images of a board.
+
+Example: dipac calibration check IMAGES
+"""
 
 from datetime import UTC, datetime
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import FolderArgument
 from app.commands.calibration._session import read_session
 from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import LastCheck
@@ -18,7 +21,7 @@ _A4 = Charuco()
 _NAMES = ("fx", "fy", "cx", "cy")
 
 
-def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4, kept: Path = FILE) -> None:
+def check(folder: FolderArgument, /, *, board: Charuco = _A4, kept: Path = FILE) -> None:
     """Take 10 to 20 images of the board, near and far, tilted to all sides, in all corners of the image.
 
     Args:

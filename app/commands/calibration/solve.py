@@ -1,4 +1,9 @@
-"""Find where a camera stands, from images of a board and the poses of the gripper at each of them."""
+"""Find where a camera stands, from images of a board.
+
+Of each image the pose of the gripper is given.
+
+Example: dipac calibration solve IMAGES --setup wrist
+"""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -11,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import FolderArgument
 from app.commands._preflight import check_writable
 from app.commands.calibration._session import POSES, read_poses, read_session
 from app.config import Site
@@ -29,7 +35,7 @@ _MM = 1e3
 
 
 def solve(
-    folder: tyro.conf.Positional[Path],
+    folder: FolderArgument,
     /,
     *,
     setup: Setup = "fixed",

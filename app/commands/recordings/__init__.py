@@ -1,1 +1,1 @@
-"""Work with recordings: list, show, check, label, recover, migrate, export, import, prune."""
+"""List, show, check, label, recover, export or delete recordings."""

@@ -1,11 +1,14 @@
-"""Check that recordings are whole and consistent: every byte, message and cause, and their checksums."""
+"""Check recordings: every byte, message, cause and checksum.
+
+Example: dipac recordings check recordings --note
+"""
 
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.text import Text
 
+from app.commands._arguments import Places
 from app.commands._progress import counting
 from app.core.errors import RecordingError
 from app.recording.format import digests
@@ -14,7 +17,7 @@ from app.recording.library.recording_index import shelf
 
 
 def check(
-    places: tyro.conf.Positional[tuple[Path, ...]] = (Path("recordings"),),
+    places: Places = (Path("recordings"),),
     /,
     *,
     note: bool = False,

@@ -1,4 +1,7 @@
-"""Recordings for other programs: a LeRobot dataset, arrays (.npz) or clouds (.ply)."""
+"""Write recordings for other programs: LeRobot, arrays, clouds.
+
+Example: dipac recordings export recordings --to lerobot -o dataset
+"""
 
 import shutil
 from collections.abc import Generator, Sequence
@@ -10,8 +13,10 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TaskID, TimeRemainingColumn
 
+from app.commands._arguments import Places
 from app.commands._preflight import make_folder, unwritable
 from app.commands._progress import counting
+from app.core.bounds import check_range
 from app.core.errors import RecordingError, UsageError
 from app.core.system.disk import link_target, path_beside
 from app.recording.format.names import numbered_names
@@ -20,15 +25,17 @@ from app.recording.read.clouds import What, write_npz, write_ply
 
 Format: TypeAlias = Literal["lerobot", "npz", "ply"]
 _FASTEST_FPS = 100
+_LONGEST_REST_S = 10.0
 
 
 def export(
-    places: tyro.conf.Positional[tuple[Path, ...]],
+    places: Places,
     /,
     *,
     to: Format,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     fps: int = 10,
+    rest: float = 0.5,
     labelled: Literal["success", "failure"] | None = None,
     what: What = "surface",
 ) -> None:
@@ -40,12 +47,14 @@ def export(
             recording, as `dipac import` reads them; ply: a folder of clouds for each recording.
         output: a folder, new or empty.
         fps: steps a second of a LeRobot dataset.
+        rest: seconds after each motion that are part of it, in which the arm rests and its result is seen; 0 for none.
         labelled: only those that were labelled so.
         what: the clouds of PLY files: the surface that cameras saw, or the particles that fill it.
     """
     terminal = Console(highlight=False, soft_wrap=True, markup=False)
     if not 1 <= fps <= _FASTEST_FPS:
         raise UsageError(f"--fps {fps} must be from 1 to {_FASTEST_FPS}.")
+    check_range("--rest", rest, 0.0, _LONGEST_REST_S)
     entries = _chosen(terminal, shelf(places), labelled)
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise UsageError(f"{output} is not an empty folder; choose another with -o, so that nothing is written over.")
@@ -55,8 +64,10 @@ def export(
         if to == "lerobot":
             from app.recording.exchange.lerobot import dataset  # Others do not need its packages.
 
-            exported = dataset.export(paths, folder, fps=fps, done=lambda _: progress.advance(bar))
+            exported = dataset.export(paths, folder, fps=fps, rest_s=rest, done=lambda _: progress.advance(bar))
             told = f"{exported.episodes} episodes, {exported.steps} steps at {fps} a second."
+            if not exported.is_placed:
+                told += " Their cameras move or differ, so nothing in the dataset says where they are."
         else:
             told = _write_each(progress, bar, paths, folder, to, what)
     terminal.print(f"{output}: {told}")

@@ -1,4 +1,7 @@
-"""Make a recording of data that were measured with other programs; the same as `dipac import`."""
+"""Make a recording of measured data; the same as `dipac import`.
+
+Example: dipac recordings import MEASURED.npz -o pushes.mcap
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,10 +9,11 @@ from typing import Annotated
 import tyro
 
 from app.commands import import_ as command
+from app.commands._arguments import FileArgument
 
 
 def import_(
-    file: tyro.conf.Positional[Path],
+    file: FileArgument,
     /,
     *,
     output: Annotated[

@@ -1,12 +1,15 @@
-"""Say of recordings whether they succeeded, or take back what was said."""
+"""Say whether recordings succeeded, or take it back.
+
+Example: dipac recordings label success recordings/FILE.mcap --note 'all in place'
+"""
 
 import getpass
 import os
-from pathlib import Path
 
 import tyro
 from rich.console import Console
 
+from app.commands._arguments import Files
 from app.core.errors import RecordingError, UsageError
 from app.recording.format import digests
 from app.recording.library.label import SUCCESS_LABELS, Label, SuccessLabel, relabel
@@ -15,7 +18,7 @@ from app.recording.library.recording_index import shelf
 
 def label(
     said: tyro.conf.Positional[SuccessLabel],
-    files: tyro.conf.Positional[tuple[Path, ...]],
+    files: Files,
     /,
     *,
     note: str = "",

@@ -1,14 +1,17 @@
-"""List the recordings in a folder: a line each, oldest first."""
+"""List the recordings in a folder: a line each, oldest first.
+
+Example: dipac recordings list recordings
+"""
 
 import json as json_format
 import sys
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import Places
 from app.commands._progress import print_whole
 from app.core.dialogue.words import NOTHING, duration, size
 from app.recording.library.recording_index import Entry, shelf
@@ -17,7 +20,7 @@ _TONES = {"whole": "", "recording": "green", "cut off": "yellow", "unreadable": 
 
 
 def list_(
-    places: tyro.conf.Positional[tuple[Path, ...]] = (Path("recordings"),),
+    places: Places = (Path("recordings"),),
     /,
     *,
     json: bool = False,

@@ -1,10 +1,11 @@
-"""Rewrite recordings that an older version of the program made as the newest one would have made them."""
+"""Rewrite recordings of older versions as the newest one's.
 
-from pathlib import Path
+Example: dipac recordings migrate recordings --dry-run
+"""
 
-import tyro
 from rich.console import Console
 
+from app.commands._arguments import Files
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.channels import SCHEMA_VERSION
 from app.recording.format.integrity import version_of
@@ -13,7 +14,7 @@ from app.recording.library.renew import renew
 
 
 def migrate(
-    files: tyro.conf.Positional[tuple[Path, ...]],
+    files: Files,
     /,
     *,
     dry_run: bool = False,

@@ -1,11 +1,14 @@
-"""Delete old recordings: those beyond a size or an age, never what is labelled or to be learnt from."""
+"""Delete old recordings, by size or age; labelled ones stay.
+
+Example: dipac recordings prune recordings --keep-gb 20
+"""
 
 import math
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 
+from app.commands._arguments import Places
 from app.core.dialogue.words import size
 from app.core.errors import UsageError
 from app.recording.library.prune import Rule, discard, prunable
@@ -13,7 +16,7 @@ from app.recording.library.recording_index import shelf
 
 
 def prune(
-    places: tyro.conf.Positional[tuple[Path, ...]] = (Path("recordings"),),
+    places: Places = (Path("recordings"),),
     /,
     *,
     keep_gb: float | None = None,

@@ -1,16 +1,16 @@
-"""Whole files out of recordings that a crash cut off; the same as `dipac recover`."""
+"""Make cut or damaged recordings whole; as `dipac recover`.
 
-from pathlib import Path
-
-import tyro
+Example: dipac recordings recover recordings/FILE.mcap
+"""
 
 from app.commands import recover as command
+from app.commands._arguments import Files
 
 
-def recover(files: tyro.conf.Positional[tuple[Path, ...]], /) -> None:
+def recover(files: Files, /) -> None:
     """Make whole files of recordings that were cut off or damaged; the originals stay as they are.
 
     Args:
-        files: The recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
+        files: recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
     """
     command.recover(files=files)

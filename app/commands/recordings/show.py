@@ -1,13 +1,15 @@
-"""Show a recording's contents: its origin, its channels, every push, notices and faults."""
+"""Show a recording's origin, channels, pushes, notices and faults.
+
+Example: dipac recordings show recordings/FILE.mcap
+"""
 
 from collections.abc import Sequence
-from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._arguments import FileArgument
 from app.commands._progress import print_whole
 from app.core.dialogue.words import duration, number, size
 from app.core.errors import RecordingError
@@ -20,7 +22,7 @@ from app.recording.read.reader import read_messages
 from app.ui.terminal import HEADER, outcome_line
 
 
-def show(file: tyro.conf.Positional[Path], /) -> None:
+def show(file: FileArgument, /) -> None:
     """Print everything but images and clouds, which Foxglove shows.
 
     Args:

@@ -28,9 +28,13 @@ class Charuco:
     """
 
     columns: int = 7
+    """squares across"""
     rows: int = 5
+    """squares down"""
     square_m: float = 0.036
+    """side of a square [m]"""
     marker_m: float = 0.024
+    """side of a marker [m]"""
     dictionary: str = "4x4"
     """the family of markers: 4x4, 5x5 or 6x6"""
 

@@ -69,18 +69,34 @@ def read_cameras(path: Path) -> list[CameraModel]:
     return list(cameras.values())
 
 
-class Picture(NamedTuple):
-    """A colour image as stored, as JPEG; `time_s` is the moment of its exposure."""
+def read_frame_times(path: Path) -> dict[str, list[float]]:
+    """Moments of exposure [s] by camera, in order; no image is read. Raises as `read_messages`."""
+    version = version_of(inspect(path))
+    times = dict[str, list[float]]()
+    with reading(path), path.open("rb") as stream:
+        try:
+            for _, _, message in make_reader(stream, validate_crcs=True).iter_messages([TOPICS[Frame]]):
+                record = decode_of(version, message.data, TOPICS[Frame], FrameRecord)
+                times.setdefault(record.camera.name, []).append(record.time_s)
+        except DAMAGE as error:
+            raise damage_error(path, error) from error
+    return {name: sorted(of_one) for name, of_one in times.items()}
 
-    camera: str
+
+class Picture(NamedTuple):
+    """A pair of images as stored; `time_s` is the moment of exposure.
+
+    `jpeg`: the colours; `depth`: little-endian 16-bit numbers in steps of the camera's unit, 0 without a reading.
+    """
+
+    camera: CameraModel
     time_s: float
-    width: int
-    height: int
     jpeg: bytes
+    depth: bytes
 
 
 def read_pictures(path: Path) -> Iterator[Picture]:
-    """Every colour image of a recording, in the order in which they were written; nothing is decoded.
+    """Every pair of images of a recording, in the order in which they were written; nothing is decoded.
 
     Raises as `read_messages`.
     """
@@ -89,16 +105,20 @@ def read_pictures(path: Path) -> Iterator[Picture]:
     with reading(path), path.open("rb") as stream:
         try:
             reader = make_reader(stream, validate_crcs=True)
-            topics = [topic for topic in _topics(reader, [Frame]) if not topic.endswith(("/depth", "/calibration"))]
+            topics = [topic for topic in _topics(reader, [Frame]) if not topic.endswith("/calibration")]
             for _, channel, written in reader.iter_messages(topics, log_time_order=False):
                 if channel.topic != TOPICS[Frame]:
                     parts[channel.topic] = _Part(written.log_time, written.data)
                     continue
                 record = decode_of(version, written.data, channel.topic, FrameRecord)
-                part, camera = parts.get(color_topic(record.camera.name)), record.camera
-                if part and part.log_time_ns == written.log_time:
-                    jpeg = bytes_field(part.data, _COMPRESSED_IMAGE_DATA)
-                    yield Picture(camera.name, record.time_s, camera.width, camera.height, jpeg)
+                color, depth = (parts.get(topic(record.camera.name)) for topic in (color_topic, depth_topic))
+                if color and depth and color.log_time_ns == depth.log_time_ns == written.log_time:
+                    yield Picture(
+                        record.camera,
+                        record.time_s,
+                        bytes_field(color.data, _COMPRESSED_IMAGE_DATA),
+                        bytes_field(depth.data, _RAW_IMAGE_DATA),
+                    )
         except DAMAGE as error:
             raise damage_error(path, error) from error
 

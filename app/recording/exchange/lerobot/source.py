@@ -1,7 +1,8 @@
 """A LeRobot dataset (format v3) as measured episodes: its features as a list, their likeliest mapping, its episodes.
 
 Files and fields are those of LeRobot's format v3.0: `meta/info.json`, `meta/episodes`, `data`, `videos`. The dataset
-says of no camera where it is or how it sees; who imports images says both.
+says of no camera where it is or how it sees; who imports images says both, but for datasets of this program, which
+hold the mapping.
 """
 
 import json
@@ -17,13 +18,20 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError
 from app.core.types import Cloud, Poses
+from app.recording.exchange.lerobot.mapping import GOAL, MAPPING
 from app.recording.exchange.lerobot.rows import DatasetRows
 from app.recording.exchange.lerobot.videos import Videos
 from app.recording.exchange.streams.image_camera import ImageCamera
 from app.recording.exchange.streams.measured_episode import MeasuredEpisode, SceneView
 from app.recording.exchange.streams.robot_description import RobotDescription
 from app.recording.exchange.streams.stream_list import StreamInfo, StreamList
-from app.recording.exchange.streams.stream_map import CameraStreams, CloudStream, StreamMap, ToolStreams
+from app.recording.exchange.streams.stream_map import (
+    CameraStreams,
+    CloudStream,
+    StreamMap,
+    ToolStreams,
+    read_stream_map,
+)
 from app.recording.exchange.streams.tool_line import line_of
 
 INFO: Final = "meta/info.json"
@@ -33,8 +41,6 @@ _PARTS: Final = ("x", "y", "z", "qw", "qx", "qy", "qz", "wx", "wy", "wz")
 _PART: Final = re.compile(r"(?:^|[._])(q?[wxyz]|w[xyz])(?:\.pos)?$")
 _FEWEST: Final = 30
 _DOWN: Final = (0.0, 1.0, 0.0, 0.0)
-_OWN: Final = "observation.goal"
-"""Feature of the datasets that this program writes, whose actions are commands of the next step."""
 
 
 def is_dataset(path: Path) -> bool:
@@ -77,7 +83,9 @@ class DatasetSource:
         return StreamList(title=title, streams=tuple(streams), notes=tuple(notes))
 
     def guess(self) -> StreamMap:
-        """Mapping by names and shapes."""
+        """Mapping that the dataset holds, or by names and shapes."""
+        if (self._path / MAPPING).is_file():
+            return read_stream_map(self._path / MAPPING)
         images = [name for name, it in sorted(self._features.items()) if it.get("dtype") in ("image", "video")]
         depths = [name for name in images if _is_depth(self._features[name]) or "depth" in name.rpartition(".")[2]]
         cameras = tuple(_camera(name, depths) for name in images if name not in depths)
@@ -107,7 +115,8 @@ class DatasetSource:
         posed = [name for name, it in sorted(self._features.items()) if _pose_parts(_names(it))]
         state = next((name for name in posed if name.startswith("observation.")), "")
         command = "action" if "action" in posed else ""
-        ahead_s = 1 / self._fps if command and _OWN in self._features else 0.0
+        # Actions of the datasets that this program writes are commands of the next step.
+        ahead_s = 1 / self._fps if command and GOAL in self._features else 0.0
         return ToolStreams(pose=state, command=command, command_ahead_s=ahead_s)
 
     def _require_views(self, streams: StreamMap) -> None:

@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from app.recording.exchange.lerobot.depth_image import tiff_depth
+
 Stats: TypeAlias = Mapping[str, list[Any]]
 """Statistics of one feature, as nested lists: `min`, `max`, `mean`, `std` and `q01` to `q99` in its shape, and
 `count`."""
@@ -24,10 +26,26 @@ def of_numbers(values: Float[np.ndarray, "S D"]) -> Stats:
 
 def of_images(images: Sequence[bytes]) -> Stats:
     """Statistics of red, green and blue in 0..1 over steps and pixels, each of shape (3, 1, 1), as LeRobot expects."""
+    chosen = _spread(images)
+    return _by_channel(_describe(np.concatenate([_pixels(data) for data in chosen]) / 255.0, len(chosen)))
+
+
+def of_depth(images: Sequence[bytes]) -> Stats:
+    """Statistics of depth over steps and pixels in the files' own unit, each of shape (1, 1, 1), as LeRobot has it."""
+    chosen = _spread(images)
+    pixels = np.concatenate([tiff_depth(data)[::_EVERY_PIXEL, ::_EVERY_PIXEL].reshape(-1, 1) for data in chosen])
+    return _by_channel(_describe(pixels.astype(np.float64), len(chosen)))
+
+
+def _spread(images: Sequence[bytes]) -> list[bytes]:
+    """As many of the images as enter the statistics, spread evenly, each once."""
     chosen = np.unique(np.linspace(0, len(images) - 1, min(len(images), _MOST_IMAGES)).round().astype(int))
-    pixels = np.concatenate([_pixels(images[index]) for index in chosen])
-    found = _describe(pixels / 255.0, len(chosen))
-    return {name: value if name == "count" else np.reshape(value, (3, 1, 1)).tolist() for name, value in found.items()}
+    return [images[index] for index in chosen]
+
+
+def _by_channel(found: Stats) -> Stats:
+    """Statistics of channels in the shape of an image, channels first."""
+    return {name: value if name == "count" else np.reshape(value, (-1, 1, 1)).tolist() for name, value in found.items()}
 
 
 def _pixels(jpeg: bytes) -> UInt8[np.ndarray, "P 3"]:

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 from app.core.messages import Frame
 from app.core.types import ColourImage
-from app.recording.exchange.streams.rgbd import MM_M, Pinhole, RgbdPair, millimetres
+from app.recording.exchange.streams.rgbd import Pinhole, RgbdPair, depth_steps
 from app.recording.exchange.streams.stream_map import CameraStreams
 from app.recording.exchange.streams.transform_tree import matrix
 
@@ -40,8 +40,8 @@ class ImageCamera:
         )
         if depth_m is None:
             return pair.frame()
-        depth = millimetres(depth_m)
+        depth, unit_m = depth_steps(depth_m)
         if depth.shape == color.shape[:2]:
-            return pair.with_depth(depth, MM_M).frame()
+            return pair.with_depth(depth, unit_m).frame()
         optics = pair.optics.at_size(depth.shape[1], depth.shape[0])
-        return pair.with_depth(depth, MM_M, optics, np.eye(4)).frame()
+        return pair.with_depth(depth, unit_m, optics, np.eye(4)).frame()

@@ -13,6 +13,8 @@ from app.core.types import Cloud, ColourImage, DepthImage, Intrinsics, Transform
 
 MM_M: Final = 0.001
 """Unit of depth images in millimetres [m]."""
+_FINE_M: Final = 0.0001
+"""Unit of depth that is told in parts of a millimetre [m]: finer than what any depth camera of a table resolves."""
 _DEEPEST: Final = 65535
 
 
@@ -50,7 +52,23 @@ class Pinhole:
 
 def millimetres(depth: Float64[np.ndarray, "height width"] | np.ndarray) -> DepthImage:
     """Depth in metres as a depth image of the unit `MM_M`; what is not finite, negative or too far has no reading."""
-    steps = np.round(np.asarray(depth, np.float64) / MM_M)
+    return _steps(np.asarray(depth, np.float64), MM_M)
+
+
+def depth_steps(depth: Float64[np.ndarray, "height width"]) -> tuple[DepthImage, float]:
+    """Depth in metres as a depth image and its unit [m]: tenths of a millimetre where it has parts of one, and fits."""
+    read = depth[np.isfinite(depth) & (depth > 0)] / MM_M
+    is_whole = bool(np.all(np.abs(read - np.round(read)) < _WHOLE))
+    unit_m = MM_M if is_whole or float(read.max()) * MM_M > _DEEPEST * _FINE_M else _FINE_M
+    return _steps(depth, unit_m), unit_m
+
+
+_WHOLE: Final = 1e-3
+"""Tolerance of a whole millimetre [mm]: 32 bits round metres by less."""
+
+
+def _steps(depth: Float64[np.ndarray, "height width"] | np.ndarray, unit_m: float) -> DepthImage:
+    steps = np.round(depth / unit_m)
     return np.where(np.isfinite(steps) & (steps > 0) & (steps <= _DEEPEST), steps, 0).astype(np.uint16)
 
 
