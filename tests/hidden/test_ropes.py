@@ -4,30 +4,22 @@ The world is MuJoCo's chain; rope, finger, frictions and noise are drawn anew fo
 questions were fixed before any solver saw them. Errors of cameras alone cannot be hidden where there are no images.
 """
 
-import hashlib
-import json
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import asdict
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.policy.random_pushes import PushDesign
 from bench.hidden.draws import Chosen
-from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
-from bench.hidden.verdicts import Verdict, verdict
+from bench.hidden.verdicts import Verdict
+from tests.hidden.kept import concluded
 
 pytestmark = [pytest.mark.serial, pytest.mark.timeout(1800)]
 
-ROOT = Path(__file__).parents[2]
-KEPT = ROOT / ".pytest_cache" / "ropes"
-"""Folder of the recordings, each under the hash of what made it."""
 PLAN = PushDesign(episodes=5, pushes=4)
 SIZE = 1.25
 PHYSICS = (
@@ -60,33 +52,9 @@ LIKE = {"draught": "table_tilt"}
 SURE = 0.8
 
 
-def concluded(case: RopeCase) -> Verdict:
-    """Verdict of the solver on the recordings of a case: it is given their folder, whose name says nothing."""
-    return verdict(sorted(recorded(case).iterdir()))
-
-
-def recorded(case: RopeCase) -> Path:
-    """The folder of a case's recordings, made where it is not there yet."""
-    folder = KEPT / hashlib.sha256((sources() + json.dumps(asdict(case), default=str)).encode()).hexdigest()[:16]
-    if not folder.exists():
-        begun = KEPT / f"begun-{os.getpid()}"
-        shutil.rmtree(begun, ignore_errors=True)
-        write(case.record(), begun)
-        begun.rename(folder)
-    return folder
-
-
-def sources() -> str:
-    """Hash of all that makes recordings."""
-    paths = [*(ROOT / "app" / "rig" / "simulated").rglob("*.py"), *(ROOT / "app" / "tasks").rglob("*.py")]
-    paths += [*(ROOT / "bench" / "hidden").glob("*.py"), ROOT / "app" / "policy" / "random_pushes.py"]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths))).hexdigest()
-
-
 @pytest.fixture(scope="module")
 def verdicts(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Verdict]]]:
     """Verdicts on all cases if any of the slow tests runs, else on a few."""
-    KEPT.mkdir(parents=True, exist_ok=True)
     own = [item for item in request.session.items if item.path == request.path]
     wanted = CASES if any(item.get_closest_marker("slow") for item in own) else OFTEN
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
