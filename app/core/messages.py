@@ -144,9 +144,9 @@ class Model(Message):
         raise KeyError(name)
 
 
-Origin: TypeAlias = Literal["policy", "learned", "random", "sampled", "asked", "edited"]
+Origin: TypeAlias = Literal["policy", "learned", "random", "sampled", "asked", "edited", "start", "shown"]
 """Source of a branch's actions: the task's own initial policy, a learned policy, random sampling, a fitted
-distribution, discovery, or the operator, who edited another's."""
+distribution, discovery, or the operator, who edited another's, asked for the start pose, or for what was shown."""
 
 
 @final
@@ -202,6 +202,11 @@ class Proposal(Message):
     def is_improvement(self) -> bool:
         """True for a motion of lower cost than no motion, which costs 0, and for a requested one, which has no cost."""
         return not self.chosen.cost_after >= 0.0
+
+    @property
+    def is_for_goal(self) -> bool:
+        """False for a motion that an operator asked for: the way to the start pose, or one of a demonstration."""
+        return self.chosen.origin not in ("start", "shown")
 
     @property
     def dropped_count(self) -> int:

@@ -18,6 +18,7 @@ from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
 from app.ui.tabs import model_monitor_panel
+from app.ui.tabs.by_hand import HandForm
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.checklist import ChecklistForm
 from app.ui.tabs.demonstrations import DemonstrationForm
@@ -47,9 +48,11 @@ class Panel:
         self._checklist = ChecklistForm(self._gui, controller) if commands else None
         self._decision = DecisionForm(self._gui, controller) if commands else None
         self._modes: ModeForm | None = None
+        self._by_hand: HandForm | None = None
         if commands:
             with self._gui.add_folder("Mode"):
                 self._modes = ModeForm(self._gui, controller)
+                self._by_hand = HandForm(self._gui, controller)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, controller.now()))
         self._demonstrations: DemonstrationForm | None = None
@@ -72,6 +75,8 @@ class Panel:
             self._decision.paint(state, now_s)
         if self._modes is not None:
             self._modes.paint(state)
+        if self._by_hand is not None:
+            self._by_hand.paint(state)
         if self._demonstrations is not None:
             self._demonstrations.paint(state)
         if self._goal is not None:

@@ -105,6 +105,36 @@ class ProbeRequest(Message):
     pushes: int
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StartPoseRequest(Message):
+    """Request for the way to the pose in which the tool was as the session began."""
+
+    operator: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DemonstrationRequest(Message):
+    """Request for the motions that were demonstrated, one after the other: those in `recording`, a file's name."""
+
+    operator: str
+    recording: str
+
+
+HandAct: TypeAlias = Literal["take", "give"]
+"""Command for moving by hand: take over from a motion that is being made, or give back."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HandRequest(Message):
+    """Request to move the tool by hand from now on, or to go on as before. The arm has been stopped for it before."""
+
+    operator: str
+    act: HandAct
+
+
 CalibrationAct: TypeAlias = Literal["begin", "take", "drop", "check", "save", "end"]
 """Command for a camera's calibration: begin; take a view; drop the last one; check the stored result on a fresh
 view; store the result; end."""
@@ -131,10 +161,12 @@ Chore: TypeAlias = (
     | TakeRequest
     | ClipRequest
     | ProbeRequest
+    | StartPoseRequest
+    | DemonstrationRequest
     | CalibrationRequest
 )
 """Requests that take the program a while."""
-Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | Chore
+Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | HandRequest | Chore
 """Requests open to the holder of control."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """Messages from an operator's console; a notice records something that the console observed."""

@@ -87,6 +87,8 @@ def _replay_activity(state: ConsoleState) -> tuple[str, str, Tone]:
 def _to_decide(pending: Proposal) -> str:
     if pending.chosen.origin == "asked":
         return "This motion is for finding out what the model lacks. Rejected, it does not come again."
+    if not pending.is_for_goal:
+        return f"This is {words.origin(pending)}. Rejected, what was asked for is given up."
     return "Look at the plan, then approve or reject it."
 
 
