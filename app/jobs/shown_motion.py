@@ -19,6 +19,8 @@ def predict_motion(task: str, observed: Points, model: Model, tool: ToolPath) ->
     What the model says of cameras is allowed for. Raises PlanningError where the simulation becomes non-finite, or the
     motion is none of the task's.
     """
+    import jax.numpy as jnp
+
     from app.jobs import jit_cache
     from app.jobs.worker_api import correction_of
     from app.tasks import load
@@ -30,9 +32,8 @@ def predict_motion(task: str, observed: Points, model: Model, tool: ToolPath) ->
     except ValueError as error:
         raise PlanningError(str(error)) from None
     phi = jit_cache.phi_of(model)
-    predicted = np.asarray(
-        jit_cache.advance(task, len(x), *jit_cache.needs(task, phi))(phi[None], x[None], path[None])[0]
-    )
+    simulate = jit_cache.advance(task, len(x), *jit_cache.needs(task, phi))
+    predicted = np.asarray(simulate(*map(jnp.asarray, (phi[None], x[None], path[None])))[0])
     if not np.isfinite(predicted).all():
         raise PlanningError("Its simulation became non-finite, so that nobody knows what it would do.")
     return allowed_for.observe(predicted) if allowed_for else predicted

@@ -144,7 +144,7 @@ def _sub(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _plain(value: object) -> object:
     """The value as JSON has it, so that tuples and lists are the same."""
-    return json.loads(json.dumps(value, default=lambda it: vars(it) if hasattr(it, "__dict__") else str(it)))
+    return json.loads(json.dumps(value, default=vars))
 
 
 def _text(value: object) -> str:

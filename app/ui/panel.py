@@ -24,6 +24,7 @@ from app.ui.tabs.checklist import ChecklistForm
 from app.ui.tabs.demonstrations import DemonstrationForm
 from app.ui.tabs.modelling import ModelTab
 from app.ui.tabs.modes import EndButton, ModeForm
+from app.ui.tabs.object_wizard import ObjectTab
 from app.ui.tabs.probing import ProbeForm
 from app.ui.view.scene import ConsoleScene
 
@@ -83,6 +84,8 @@ class Panel:
             self._goal.paint(state)
         if self._placing is not None:
             self._placing.paint(state)
+        if self._object is not None:
+            self._object.paint(state)
         self._plan.put(cards.plan(state, now_s, self._drift.since(state)))
         self._plans.paint(state)
         self._watch.put(model_monitor_panel.watch(state))
@@ -114,9 +117,12 @@ class Panel:
             self._cell = CellTab(server, controller, self._scene)
         self._goal: GoalTab | None = None
         self._placing: PlacingTab | None = None
+        self._object: ObjectTab | None = None
         if commands:
             with side.add_tab("Goal", viser.Icon.TARGET):
                 self._goal = GoalTab(server, controller)
+            with side.add_tab("Object", viser.Icon.RULER_MEASURE):
+                self._object = ObjectTab(self._gui, controller, Path.cwd())
             with side.add_tab("Calibrate", viser.Icon.GRID_DOTS):
                 self._placing = PlacingTab(server, controller)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):

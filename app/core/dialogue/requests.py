@@ -122,6 +122,14 @@ class DemonstrationRequest(Message):
     recording: str
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasureRequest(Message):
+    """Request to measure the object, as far as cameras see it."""
+
+    operator: str
+
+
 HandAct: TypeAlias = Literal["take", "give"]
 """Command for moving by hand: take over from a motion that is being made, or give back."""
 
@@ -163,6 +171,7 @@ Chore: TypeAlias = (
     | ProbeRequest
     | StartPoseRequest
     | DemonstrationRequest
+    | MeasureRequest
     | CalibrationRequest
 )
 """Requests that take the program a while."""

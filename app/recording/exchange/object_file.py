@@ -60,7 +60,31 @@ def load_object(path: Path) -> ObjectDescription:
 
 
 def save_object(path: Path, described: ObjectDescription) -> None:
-    """Write it, so that `load_object` reads the same. Raises UsageError where the file cannot be written."""
+    """Write it, so that `load_object` reads the same; in place of another object's file, and of no other file.
+
+    Raises UsageError where the file cannot be written, or it describes no object, ParameterError where a number is out
+    of its range.
+    """
+    table = _table(described)
+    try:
+        _object(table)
+    except ParameterError:
+        raise
+    except ValueError as error:
+        raise UsageError(f"This describes no object: {error}.") from None
+    try:
+        if path.exists():
+            load_object(path)
+    except UsageError:
+        raise UsageError(f"{path} is there, and is no file of an object; choose another name.") from None
+    try:
+        with replacement(path) as new:
+            new.write_text(tomli_w.dumps(table), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"Cannot write the object to {path}: {error.strerror}; choose another place.") from None
+
+
+def _table(described: ObjectDescription) -> dict[str, Any]:
     table: dict[str, Any] = {"kind": described.kind} if described.kind else {}
     if described.name:
         table["name"] = described.name
@@ -71,11 +95,7 @@ def save_object(path: Path, described: ObjectDescription) -> None:
         table["colours"] = {name: list(getattr(described.colours, name)) for name in _BOUNDS}
     if described.priors:
         table["priors"] = {each.name: _entry(each) for each in described.priors}
-    try:
-        with replacement(path) as new:
-            new.write_text(tomli_w.dumps(table), encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"Cannot write the object to {path}: {error.strerror}; choose another place.") from None
+    return table
 
 
 def _entry(prior: Parameter) -> dict[str, Any]:

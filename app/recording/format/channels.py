@@ -10,6 +10,7 @@ from app.core.dialogue.checklist import Checklist, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
 from app.core.dialogue.demonstration_messages import Take
 from app.core.dialogue.model_monitor_messages import Verdict, Watched
+from app.core.dialogue.object_messages import MeasuredObject
 from app.core.dialogue.requests import (
     CalibrationRequest,
     ClipRequest,
@@ -18,6 +19,7 @@ from app.core.dialogue.requests import (
     EditRequest,
     GoalRequest,
     HandRequest,
+    MeasureRequest,
     ModelRequest,
     PictureGoalRequest,
     ProbeRequest,
@@ -90,6 +92,8 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         StartPoseRequest: "/dipac/start_pose_request",
         DemonstrationRequest: "/dipac/demonstration_request",
         HandRequest: "/dipac/hand_request",
+        MeasureRequest: "/dipac/measure_request",
+        MeasuredObject: "/dipac/measured_object",
         CalibrationRequest: "/dipac/calibration_request",
         BoardSeen: "/dipac/board_seen",
         Placing: "/dipac/placing",

@@ -10,6 +10,7 @@ from app.core.dialogue.requests import (
     DemonstrationRequest,
     EditRequest,
     GoalRequest,
+    MeasureRequest,
     ModelRequest,
     PictureGoalRequest,
     ProbeRequest,
@@ -61,6 +62,8 @@ class Chores:
                     self._parts.probing.handle(chore, lambda why: self._store.dispatch(Interruption(why)))
                 case StartPoseRequest() | DemonstrationRequest():
                     await self._request_motions(chore)
+                case MeasureRequest():
+                    await self._parts.measuring.handle(chore, self._store.state.config.task)
                 case ColourRequest():
                     self._parts.sensing.recolour(chore)
                 case CalibrationRequest():
