@@ -117,6 +117,9 @@ def _of_camera(before: CameraModel, now: CameraModel) -> Iterator[str]:
     if (before.width, before.height) != (now.width, now.height):
         yield f"camera {now.name!r} had {before.width} x {before.height} pixels, and has {now.width} x {now.height}"
         return
+    if not all(np.isfinite(each.T_world_camera).all() and np.isfinite(each.K).all() for each in (before, now)):
+        yield f"nobody knows where camera {now.name!r} stands or stood: its calibration is not finite"
+        return
     lens = np.abs(before.K - now.K).max() / before.width
     if not lens <= _OTHER_LENS:
         yield f"the lens of camera {now.name!r} is calibrated otherwise, by {1e2 * lens:.1f} % of the image's width"
