@@ -29,6 +29,7 @@ from app.commands._version import code_version
 from app.config import Site
 from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
+from app.core.geometry.camera import CameraModel
 from app.core.geometry.object_description import KEY, ObjectDescription, recorded_object
 from app.core.geometry.scene_description import Stage
 from app.core.messages import Episode, Goal, Model, fresh_id
@@ -214,6 +215,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         if options.probe:
             await to_thread.run_sync(probed_subject, task)
             config = replace(config, experiment=Experiment(budget=options.pushes))
+        await to_thread.run_sync(_check_setup, order, start, None)
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
@@ -223,7 +225,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
                 Text(f"Recording to {recorder.path}", no_wrap=True),
             )
-            await to_thread.run_sync(_check_setup, order, start, rig)
+            await to_thread.run_sync(_check_setup, order, start, tuple(camera.model for camera in rig.cameras))
             with _announced_if_interrupted(output, recorder.path):
                 async with open_terminal(output, *heading) as terminal:
                     audience = Audience(console, terminal)
@@ -352,10 +354,13 @@ def _take_bytes(site: Site) -> int:
     return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 
-def _check_setup(order: RunOptions, start: Episode, rig: Rig) -> None:
-    """Raises UsageError, which names what differs, where this is not the set-up that is to be resumed."""
+def _check_setup(order: RunOptions, start: Episode, cameras: tuple[CameraModel, ...] | None) -> None:
+    """Raises UsageError, which names what differs, where this is not the set-up that is to be resumed.
+
+    `cameras` None: they are not known yet.
+    """
     if order.resume is not None:
-        now = CollectionSetup.of_episode(start, tuple(camera.model for camera in rig.cameras))
+        now = CollectionSetup.of_episode(start, cameras)
         require_same(common_setup(recordings_of(order.resume)), now, order.resume)
 
 
