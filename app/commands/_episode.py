@@ -20,7 +20,7 @@ from app.commands._case import MODEL, DiscoveryResults, read_case
 from app.commands._cell import cell
 from app.commands._goal import read_goal
 from app.commands._guiding import with_policy
-from app.commands._named import check_description, described_object, full_name
+from app.commands._named import check_description, full_name, read_description
 from app.commands._options import Options
 from app.commands._preflight import check_port
 from app.commands._pushes import motions_in
@@ -52,7 +52,7 @@ from app.services.same_setup import CollectionSetup, common_setup, recordings_of
 from app.session import Parts, Session
 from app.tasks import Task, load
 from app.tasks.elements.base import EpisodeConfig, Experiment
-from app.tasks.elements.described import with_appearance
+from app.tasks.elements.descriptions import with_appearance
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
@@ -85,18 +85,18 @@ class RunOptions:
     @cached_property
     def task(self) -> str:
         """The full name of the task. Raises UsageError for an unknown one."""
-        sizes = self.described.sizes if self.described else {}
+        sizes = self.description.sizes if self.description else {}
         return full_name(self.asked, dynamics=self.options.dynamics, sizes=sizes, model=self.model)
 
     @cached_property
-    def described(self) -> ObjectDescription | None:
+    def description(self) -> ObjectDescription | None:
         """The object of --object, or of the recording that a replayed cell shows; None where neither describes one.
 
         Raises UsageError where it is none of the task.
         """
         options = self.options
         if options.object is not None:
-            return described_object(options.object, self.asked)
+            return read_description(options.object, self.asked)
         if options.cell is None or load_cell(options.rig).answers:
             return None
         shown = recorded_object(read_episode(options.cell).config)
@@ -191,8 +191,8 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
             f"{order.options.rig} is real, and `dipac run` approves by itself; use `dipac console`.",
         )
     options, site = order.options, await to_thread.run_sync(order.options.site)
-    described = await to_thread.run_sync(lambda: order.described)
-    shown = with_appearance(load(order.task), described)
+    description = await to_thread.run_sync(lambda: order.description)
+    shown = with_appearance(load(order.task), description)
     task = await to_thread.run_sync(partial(seen_with, shown, options.segmenter, depth=options.depth))
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
@@ -252,13 +252,13 @@ async def _with_corrections(config: EpisodeConfig, order: RunOptions, site: Site
     if order.options.asked:
         asked = await planner.run(motions_in, order.options.asked, recorded_name(order.task), order.task, site)
         config = replace(config, asked=(*asked, *config.asked))
-    if config.model is None and order.described is not None and order.described.priors:
+    if config.model is None and order.description is not None and order.description.priors:
         if not config.method.calibrated:
             raise UsageError(
                 f"--ablation {order.options.ablation} plans without what is known of the object, and it has priors; "
                 "leave them out, or the ablation."
             )
-        known: Model = await planner.run(nominal_model, config.task.name, order.described.priors)
+        known: Model = await planner.run(nominal_model, config.task.name, order.description.priors)
         config = replace(config, model=known)
     if config.model is None:
         return config
@@ -368,7 +368,7 @@ def _start(order: RunOptions, preset: str) -> Episode:
     site = order.options.site()
     config = asdict(order) | {"task": order.task, "preset": preset, "table": asdict(site.table)}
     config |= {"limits": {"workspace": asdict(site.limits.workspace)}}
-    config |= {KEY: order.described.plain} if order.described else {}
+    config |= {KEY: order.description.as_json} if order.description else {}
     return Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),

@@ -12,7 +12,7 @@ from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
 from app.recording.exchange.object_file import load_object
 from app.tasks import load, name_with_dynamics, names
-from app.tasks.elements.described import check_object
+from app.tasks.elements.descriptions import check_object
 
 Dynamics: TypeAlias = Literal["rods", "mpm"]
 
@@ -42,22 +42,22 @@ def full_name(
     return name_with_dynamics(str(TaskName.of(name.problem, own)), engine)
 
 
-def described_object(path: Path, task: str) -> ObjectDescription:
+def read_description(path: Path, task: str) -> ObjectDescription:
     """The object that a file describes, for the task of this full name with the file's sizes.
 
     Raises UsageError where it cannot be read, is of another kind, or has sizes that this task cannot have.
     """
-    described = load_object(path)
-    check_description(described, task, f"{path}: ")
-    return described
+    description = load_object(path)
+    check_description(description, task, f"{path}: ")
+    return description
 
 
-def check_description(described: ObjectDescription, task: str, whose: str) -> None:
+def check_description(description: ObjectDescription, task: str, whose: str) -> None:
     """Raises UsageError, which begins with `whose`, where the object is none of the task of this full name."""
     try:
         problem = load(TaskName.parse(task).problem)
-        check_object(problem, replace(described, priors=()), map(load, names()))
-        check_object(load(full_name(task, dynamics=None, sizes=described.sizes)), described, ())
+        check_object(problem, replace(description, priors=()), map(load, names()))
+        check_object(load(full_name(task, dynamics=None, sizes=description.sizes)), description, ())
     except ParameterError as error:
         raise ParameterError(f"{whose}{error}") from None
     except UsageError as error:

@@ -151,8 +151,8 @@ async def _model(planner: Worker, timeline: Timeline, order: ReplanRequest, seen
         return known[order.model], f"version {known[order.model].version}"
     if seen.model is not None:
         return seen.model, f"version {seen.model.version}"
-    described = recorded_object(seen.episode.config)
-    priors = () if described is None else described.priors
+    description = recorded_object(seen.episode.config)
+    priors = () if description is None else description.priors
     name = str(seen.config.get("task", seen.episode.task))
     return await planner.run(nominal_model, name, priors), "the nominal model"
 

@@ -93,7 +93,7 @@ def _start_model(path: Path, task: Task) -> Model:
 def _priors(recordings: Sequence[Path]) -> tuple[Parameter, ...]:
     """What the first recording that describes its object says of the parameters."""
     found = (recorded_object(read_episode(path).config) for path in recordings)
-    return next((described.priors for described in found if described is not None), ())
+    return next((description.priors for description in found if description is not None), ())
 
 
 def _task_of(recordings: tuple[Path, ...]) -> str:

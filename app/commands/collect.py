@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
 from app.commands._arguments import TaskArgument
-from app.commands._named import Dynamics, described_object, full_name
+from app.commands._named import Dynamics, full_name, read_description
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import PlanningError, UsageError
@@ -74,14 +74,14 @@ def collect(
     if episodes < 1 or seed < 0:
         raise UsageError(f"--episodes {episodes} must be at least 1, and --seed {seed} at least 0.")
     size = preset if preset != "auto" else choose_preset()
-    described = described_object(object, task) if object else None
-    full = full_name(task, dynamics=dynamics, sizes=described.sizes if described else {})
+    description = read_description(object, task) if object else None
+    full = full_name(task, dynamics=dynamics, sizes=description.sizes if description else {})
     task = load(full).recorded_name
     load(full).preset(size)
     load(full).demonstration_task.stage.in_world(world)
     folder = output or Path("recordings") / task
     make_folder(folder, "-o")
-    setup: dict[str, Any] = {KEY: described.plain} if described else {}
+    setup: dict[str, Any] = {KEY: description.as_json} if description else {}
     setup[COLLECTED] = {"expert": expert, "eyes": eyes, "selection": "reached" if reached else "all"}
     kept = met = actions = 0
     if resume:
@@ -91,7 +91,7 @@ def collect(
     seeds = range(seed, seed + (_TRIES if reached else 1) * wanted)
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=wanted)
-        for shown in demonstrations(full, size, seeds, eyes, expert, world, described):
+        for shown in demonstrations(full, size, seeds, eyes, expert, world, description):
             if reached and not (shown.played.success and shown.steps):
                 progress.console.print(f"{task} {shown.config.seed}: {_outcome_text(shown)}; not kept", markup=False)
                 continue

@@ -39,9 +39,9 @@ def discover(
         raise UsageError("Name at least one recording: dipac discover recordings/*.mcap -o discovery")
     make_folder(output, "-o")
     with terminal.status("reading the recordings"):
-        described = load_object(object) if object else None
-        study = read_study(recordings, task=task, described=described)
-        if described is not None:
-            check_description(described, study.task, f"{object}: ")
-        doubted = full_name(study.task, dynamics=dynamics, sizes=described.sizes if described else {})
+        description = load_object(object) if object else None
+        study = read_study(recordings, task=task, description=description)
+        if description is not None:
+            check_description(description, study.task, f"{object}: ")
+        doubted = full_name(study.task, dynamics=dynamics, sizes=description.sizes if description else {})
     report_on(terminal, study, doubted, recordings, output)

@@ -235,7 +235,7 @@ class Studio(Protocol):
         """
         ...
 
-    async def demonstrated(self, recording: str) -> tuple[str, Sequence[Transition]]:
+    async def demonstration(self, recording: str) -> tuple[str, Sequence[Transition]]:
         """Task and motions of a demonstration beside the session's recording, by its file's name.
 
         Raises UsageError where there is none of that name, and RecordingError where it cannot be read.

@@ -24,7 +24,7 @@ from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
-from app.tasks.elements.described import with_appearance
+from app.tasks.elements.descriptions import with_appearance
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
 """Demonstrator: the task's scripted policy, the same with its actions improved by descent, or the planner.
@@ -57,15 +57,15 @@ def demonstrations(
     eyes: Eyes,
     expert: Expert = "scripted",
     world: RopeModel = "chain",
-    described: ObjectDescription | None = None,
+    description: ObjectDescription | None = None,
 ) -> Iterator[Demonstration]:
     """Each episode of the expert, in the order of the seeds; of its training variant, where the task has one.
 
-    `described`: its object, in other colours or with known parameters.
+    `description`: its object, in other colours or with known parameters.
     """
-    known = with_appearance(load(task).demonstration_task, described)
+    known = with_appearance(load(task).demonstration_task, description)
     known, method = replace(known, stage=known.stage.in_world(world)), EXPERTS[expert]
-    model = nominal_model(task, () if described is None else described.priors)
+    model = nominal_model(task, () if description is None else description.priors)
     for seed in seeds:
         steps = list[EpisodeStep]()
         otherwise = EXPERTS["planned"] if expert == "descended" else None

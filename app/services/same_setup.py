@@ -39,12 +39,12 @@ class CollectionSetup:
 
     task: str
     rig: str
-    described: ObjectDescription | None = None
+    description: ObjectDescription | None = None
     cameras: tuple[CameraModel, ...] | None = None
     said: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @classmethod
-    def recorded(cls, path: Path) -> Self:
+    def of_recording(cls, path: Path) -> Self:
         """That of a recording. Raises as `read_episode`."""
         episode = read_episode(path)
         return cls.of_episode(episode, tuple(read_cameras(path)) or None)
@@ -62,7 +62,7 @@ class CollectionSetup:
         return cls(
             task=recorded_name(episode.task),
             rig=episode.rig,
-            described=recorded_object(episode.config),
+            description=recorded_object(episode.config),
             cameras=cameras,
             said=said | dict(collected),
         )
@@ -82,7 +82,7 @@ def differences(before: CollectionSetup, now: CollectionSetup) -> Iterator[str]:
         yield f"the task was {before.task}, and is {now.task}"
     if before.rig != now.rig:
         yield f"the cell was {before.rig}, and is {now.rig}"
-    yield from _of_object(before.described, now.described)
+    yield from _of_object(before.description, now.description)
     for name, was in before.said.items():
         if name in now.said and _plain(was) != _plain(now.said[name]):
             yield f"the {name} was {_text(was)}, and is {_text(now.said[name])}"
@@ -164,8 +164,8 @@ def recordings_of(folder: Path) -> list[Path]:
 
 def common_setup(paths: Sequence[Path]) -> CollectionSetup:
     """The set-up of all these recordings. Raises RecordingError, which names two that differ."""
-    first = CollectionSetup.recorded(paths[0])
+    first = CollectionSetup.of_recording(paths[0])
     for path in paths[1:]:
-        if found := list(differences(first, CollectionSetup.recorded(path))):
+        if found := list(differences(first, CollectionSetup.of_recording(path))):
             raise RecordingError(f"{paths[0]} and {path} are of two set-ups already: {'; '.join(found)}.")
     return first

@@ -25,13 +25,15 @@ from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
 from app.tasks import load
 from app.tasks.elements.base import Task
-from app.tasks.elements.described import with_appearance
+from app.tasks.elements.descriptions import with_appearance
 
 _BETWEEN_S = 10.0
 """Gap from the end of an episode to the start of one whose clock began anew."""
 
 
-def read_study(paths: Sequence[Path], *, task: str | None = None, described: ObjectDescription | None = None) -> Study:
+def read_study(
+    paths: Sequence[Path], *, task: str | None = None, description: ObjectDescription | None = None
+) -> Study:
     """All pushes of all recordings, in the order of the files; an episode begins with each `Episode` in them.
 
     Views have as many points as the task's CPU preset has particles. `task` None takes that of the recordings. Where an
@@ -39,7 +41,7 @@ def read_study(paths: Sequence[Path], *, task: str | None = None, described: Obj
     recording that has images. Where a recording has images and does not say what they show of tool and table, as those
     of `dipac run`, both are looked for in them, which takes a few seconds a minute of recording.
 
-    A demonstration or a clip is left out where its session is among them. `described`: the object; None takes the one
+    A demonstration or a clip is left out where its session is among them. `description`: the object; None takes the one
     that the first recording describes, if it describes any.
 
     Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
@@ -50,9 +52,9 @@ def read_study(paths: Sequence[Path], *, task: str | None = None, described: Obj
     paths = counted_once(paths)
     episodes = [episode for path in paths for episode in _episodes(path)]
     name = _task_of(episodes, task)
-    described = described or _object_of(episodes)
-    known = with_appearance(load(name), described)
-    setup, priors = _setup_of(episodes), () if described is None else described.priors
+    description = description or _object_of(episodes)
+    known = with_appearance(load(name), description)
+    setup, priors = _setup_of(episodes), () if description is None else description.priors
     subject, pushes, tables = subject_of(known, setup), list[Push](), dict[int, Cloud]()
     for path in dict.fromkeys(paths):
         _look(path, [episode for episode in episodes if episode.path == path], known, subject.low_m)

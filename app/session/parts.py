@@ -73,7 +73,7 @@ class Parts:
         self.aiming = Aiming({each.model.name: each.model for each in rig.cameras}, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
         self.measuring = Measuring(self.sensing, *by, computers)
-        self.requested = RequestedMotionProposals(site, rig.arm, planner, studio, *by)
+        self.requested_motions = RequestedMotionProposals(site, rig.arm, planner, studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by, computers)
 
 

@@ -151,7 +151,7 @@ class SessionStages:
     async def _requested(self, requested: RequestedMotions, observed: Particles) -> Proposal | None:
         """The motion that was asked for, as a plan; what was asked for ends where it fits no more."""
         parts, state = self._parts, self._store.state
-        proposal = await parts.requested.proposal(requested, state.config, observed, state.model_in_use)
+        proposal = await parts.requested_motions.proposal(requested, state.config, observed, state.model_in_use)
         self._invalidate_observations()
         if self._store.state.interruptions != state.interruptions:
             if proposal is not None:

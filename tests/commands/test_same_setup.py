@@ -41,8 +41,8 @@ def setup(**config: object) -> CollectionSetup:
         ({"world": "cable"}, 'the world of the simulated rope was "chain", and is "cable"'),
         ({"table": {"turn_deg": 3.0}}, "the pose of the table was"),
         ({"limits": {"workspace": {"low": [0, 0, 0]}}}, "the workspace was"),
-        ({KEY: ObjectDescription(kind="rope", colour=(0.1, 0.5, 0.2)).plain}, "the object's colour was the task's"),
-        ({KEY: ObjectDescription(sizes={"mass_kg": 0.05}).plain}, "the object's mass_kg was the task's, and is 0.05"),
+        ({KEY: ObjectDescription(kind="rope", colour=(0.1, 0.5, 0.2)).as_json}, "the object's colour was the task's"),
+        ({KEY: ObjectDescription(sizes={"mass_kg": 0.05}).as_json}, "the object's mass_kg was the task's, and is 0.05"),
     ],
 )
 def test_what_differs_is_named(other: dict[str, object], said: str) -> None:

@@ -48,10 +48,10 @@ def read(folder: Path, text: str) -> ObjectDescription:
 
 
 def test_what_is_written_is_read_back_and_so_is_what_a_recording_says(tmp_path: Path) -> None:
-    for described in (WHOLE, ObjectDescription(), replace(WHOLE, colours=None), replace(WHOLE, priors=(), name="")):
-        save_object(tmp_path / "object.toml", described)
-        assert load_object(tmp_path / "object.toml") == described
-        assert recorded_object(json.dumps({KEY: described.plain})) == described
+    for description in (WHOLE, ObjectDescription(), replace(WHOLE, colours=None), replace(WHOLE, priors=(), name="")):
+        save_object(tmp_path / "object.toml", description)
+        assert load_object(tmp_path / "object.toml") == description
+        assert recorded_object(json.dumps({KEY: description.as_json})) == description
     assert recorded_object(json.dumps({"options": {"object": "a.toml"}})) is None
     assert recorded_object("none") is None
     with pytest.raises(RecordingError, match="object"):

@@ -36,7 +36,7 @@ class Shelf:
     async def end(self, said: Literal["success", "failure"] | None, *, operator: str) -> None:
         return None
 
-    async def demonstrated(self, recording: str) -> tuple[str, Sequence[Transition]]:
+    async def demonstration(self, recording: str) -> tuple[str, Sequence[Transition]]:
         if recording != "shown.mcap":
             raise UsageError(f"There is no demonstration {recording!r}; name a file of that folder.")
         return self.task, self.shown

@@ -83,16 +83,16 @@ def test_fields_follow_a_measurement_are_corrected_and_saved_as_a_file_that_is_r
     }
     tab._fields["mass_kg"].value = 55.5
     tab._name.value, tab._learned.value = "climbing cord", True
-    described = tab._described()
-    save_object(tmp_path / "object.toml", described)
+    description = tab._description()
+    save_object(tmp_path / "object.toml", description)
     read = load_object(tmp_path / "object.toml")
-    assert read == described
+    assert read == description
     assert (read.kind, read.name, read.sizes["mass_kg"]) == ("rope", "climbing cord", 0.0555)
     assert read.seen_colours == FOUND.colours
     assert read.priors == (known,), "effects are none of what is known of an object"
     tab._seen.value = tab._learned.value = False
-    assert tab._described().colours is None
-    assert tab._described().priors == ()
+    assert tab._description().colours is None
+    assert tab._description().priors == ()
     # Another kind has other fields, and a measurement out of range is shown at its end.
     sizes = (MeasuredSize(name="count", value=300.0, sd=9.0),)
     tab.paint(replace(ConsoleState(), measured=replace(FOUND, kind="beans", sizes=sizes)))

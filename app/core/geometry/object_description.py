@@ -72,13 +72,13 @@ class ObjectDescription:
         return ColourRange.around(self.colour)
 
     @property
-    def plain(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """The description as JSON has it."""
         return asdict(self) | {"sizes": dict(self.sizes)}
 
     @classmethod
-    def of_plain(cls, said: object) -> Self:
-        """The inverse of `plain`. Raises RecordingError where `said` is no description."""
+    def from_json(cls, said: object) -> Self:
+        """The inverse of `as_json`. Raises RecordingError where `said` is no description."""
         try:
             return msgspec.convert(said, cls)
         except (msgspec.ValidationError, TypeError) as error:
@@ -96,4 +96,4 @@ def recorded_object(config: str) -> ObjectDescription | None:
         return None
     if not isinstance(found, dict) or found.get(KEY) is None:
         return None
-    return ObjectDescription.of_plain(found[KEY])
+    return ObjectDescription.from_json(found[KEY])

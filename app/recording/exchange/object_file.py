@@ -59,13 +59,13 @@ def load_object(path: Path) -> ObjectDescription:
         raise UsageError(f"{path} describes no object: {error}. docs/objects.md has one of each kind.") from None
 
 
-def save_object(path: Path, described: ObjectDescription) -> None:
+def save_object(path: Path, description: ObjectDescription) -> None:
     """Write it, so that `load_object` reads the same; in place of another object's file, and of no other file.
 
     Raises UsageError where the file cannot be written, or it describes no object, ParameterError where a number is out
     of its range.
     """
-    table = _table(described)
+    table = _table(description)
     try:
         _object(table)
     except ParameterError:
@@ -84,17 +84,17 @@ def save_object(path: Path, described: ObjectDescription) -> None:
         raise UsageError(f"Cannot write the object to {path}: {error.strerror}; choose another place.") from None
 
 
-def _table(described: ObjectDescription) -> dict[str, Any]:
-    table: dict[str, Any] = {"kind": described.kind} if described.kind else {}
-    if described.name:
-        table["name"] = described.name
-    if described.colour is not None:
-        table["colour"] = list(described.colour)
-    table |= dict(described.sizes)
-    if described.colours is not None:
-        table["colours"] = {name: list(getattr(described.colours, name)) for name in _BOUNDS}
-    if described.priors:
-        table["priors"] = {each.name: _entry(each) for each in described.priors}
+def _table(description: ObjectDescription) -> dict[str, Any]:
+    table: dict[str, Any] = {"kind": description.kind} if description.kind else {}
+    if description.name:
+        table["name"] = description.name
+    if description.colour is not None:
+        table["colour"] = list(description.colour)
+    table |= dict(description.sizes)
+    if description.colours is not None:
+        table["colours"] = {name: list(getattr(description.colours, name)) for name in _BOUNDS}
+    if description.priors:
+        table["priors"] = {each.name: _entry(each) for each in description.priors}
     return table
 
 

@@ -119,12 +119,12 @@ class SessionRecorder:
                     raise RecordingError("No demonstration is being recorded; begin one first.")
                 await to_thread.run_sync(_end, take, said, operator)
 
-    async def demonstrated(self, recording: str) -> tuple[str, Sequence[Transition]]:
+    async def demonstration(self, recording: str) -> tuple[str, Sequence[Transition]]:
         """Task and motions of a demonstration in the session's folder, by its file's name.
 
         Raises UsageError where there is none of that name, and RecordingError where it cannot be read.
         """
-        return await to_thread.run_sync(_demonstrated, self.path.parent, recording)
+        return await to_thread.run_sync(_demonstration_in, self.path.parent, recording)
 
     async def clip(self, duration_s: float) -> Path:
         """Write the last `duration_s` of the running session's recording to a file of its own.
@@ -183,9 +183,10 @@ class SessionRecorder:
         return replace(self._room, expected_bytes=expected_bytes)
 
 
-def _demonstrated(folder: Path, recording: str) -> tuple[str, Sequence[Transition]]:
+def _demonstration_in(folder: Path, recording: str) -> tuple[str, Sequence[Transition]]:
     path = folder / recording
-    if path.name != recording or path.suffix != ".mcap" or not path.is_file():  # A browser may ask for anything.
+    plain = recording.isprintable() and path.name == recording
+    if not plain or path.suffix != ".mcap" or not path.is_file():  # A browser may ask for anything.
         raise UsageError(f"There is no demonstration {recording!r} in {folder}; name a file of that folder.")
     return recorded_name(read_episode(path).task), read_transitions(path)
 

@@ -89,7 +89,7 @@ class Chores:
     async def _request_motions(self, request: StartPoseRequest | DemonstrationRequest) -> None:
         """Offer what was asked for, if it can be made from here, instead of the plan that is shown."""
         parts, config = self._parts, self._store.state.config
-        event = await parts.requested.on_request(request, config, parts.sensing.particles.value)
+        event = await parts.requested_motions.on_request(request, config, parts.sensing.particles.value)
         if event is not None:
             self._store.dispatch(event)
 

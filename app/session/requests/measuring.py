@@ -15,7 +15,7 @@ from app.core.ports import Clock, Computers
 from app.jobs.measured_object import measure_colours, measure_object
 from app.session.perception_stage import Sensing
 from app.tasks.elements.base import Task
-from app.tasks.elements.described import object_type
+from app.tasks.elements.descriptions import object_type
 
 _PAST_S: Final = 5.0
 """Views of so long ago are measured."""

@@ -93,7 +93,7 @@ class RequestedMotionProposals:
             raise RecordingError("This session is not recorded, so that it has no folder of demonstrations.")
         if observed is None:
             raise PlanningError("The object has not been seen yet; look at the cameras.")
-        task, transitions = await self._studio.demonstrated(request.recording)
+        task, transitions = await self._studio.demonstration(request.recording)
         if task != config.task.recorded_name:
             raise RecordingError(f"{request.recording} is of {task}, and this session of {config.task.recorded_name}.")
         whole = tuple(each for each in transitions if each.executed.outcome == "completed")

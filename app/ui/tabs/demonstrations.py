@@ -44,7 +44,7 @@ class DemonstrationForm:
         self._start.on_click(lambda event: self._ask(event, "start"))
         self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
         self._end.on_click(self._on_press)
-        self._takes = dict[int, str]()
+        self._newest = 0
         self._which = gui.add_text("File to make again", "", hint="A demonstration's file in the session's folder")
         again = gui.add_button(AGAIN, color="gray", icon=viser.Icon.REPEAT)
         again.on_click(self._make_again)
@@ -57,8 +57,8 @@ class DemonstrationForm:
         if content != self._said.content:
             self._said.content = content
         take = state.take
-        if take is not None and take.state == "success" and take.number not in self._takes:
-            self._takes[take.number] = self._which.value = Path(take.path).name
+        if take is not None and take.state == "success" and take.number != self._newest:
+            self._newest, self._which.value = take.number, Path(take.path).name
         if self._end.visible != state.demonstrating:
             self._end.visible = state.demonstrating
             self._start.visible = not state.demonstrating

@@ -130,7 +130,7 @@ class ObjectTab:
             return
         try:
             path = _path(self._folder, str(self._file.value))
-            save_object(path, self._described())
+            save_object(path, self._description())
         except DipacError as error:
             self._saved.put(f"<div class='dp'><small class='dp-bad'>Not saved. {escape(str(error))}</small></div>")
         else:
@@ -139,7 +139,7 @@ class ObjectTab:
                 f"<div class='dp'><small>Saved. Begin a session with <b>{used}</b> to use it.</small></div>"
             )
 
-    def _described(self) -> ObjectDescription:
+    def _description(self) -> ObjectDescription:
         red, green, blue = (round(each / 255, 3) for each in self._colour.value)
         found = self._shown
         colours = found.colours if found is not None and self._seen.value else None

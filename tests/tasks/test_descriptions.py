@@ -18,7 +18,7 @@ from app.jobs.discovery_subject import subject_of
 from app.jobs.worker_api import check_model, nominal_model
 from app.rig.simulated.kinds import kind_of
 from app.tasks import load, names
-from app.tasks.elements.described import check_object, object_type, with_appearance
+from app.tasks.elements.descriptions import check_object, object_type, with_appearance
 
 FRICTION = Parameter(name="table_friction", value=0.3, unit="1", low=0.2, high=0.45)
 GREEN = (0.1, 0.5, 0.2)

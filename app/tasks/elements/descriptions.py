@@ -22,29 +22,29 @@ def object_type(task: Task) -> ObjectType | None:
     return _TYPES.get(type(task.stage.body))
 
 
-def check_object(task: Task, described: ObjectDescription, others: Iterable[Task]) -> None:
+def check_object(task: Task, description: ObjectDescription, others: Iterable[Task]) -> None:
     """Raises UsageError where the object is of another kind than the task's, naming those of `others` that are of it.
 
     Raises ParameterError for priors of something else than the parameters of its simulator, in other units, or out of
     their ranges.
     """
     kind = object_type(task)
-    if described.kind is not None and described.kind != kind:
-        fitting = ", ".join(other.name for other in others if object_type(other) == described.kind)
+    if description.kind is not None and description.kind != kind:
+        fitting = ", ".join(other.name for other in others if object_type(other) == description.kind)
         raise UsageError(
-            f"It describes an object of kind {described.kind!r}, and {task.name} has "
+            f"It describes an object of kind {description.kind!r}, and {task.name} has "
             f"{repr(kind) if kind else 'one of its own'}; name a task of such a one: {fitting or 'none is'}."
         )
-    _check_priors(task, described.priors)
+    _check_priors(task, description.priors)
 
 
-def with_appearance(task: Task, described: ObjectDescription | None) -> Task:
+def with_appearance(task: Task, description: ObjectDescription | None) -> Task:
     """The task with the object in its colours: as the simulated cell shows it, and as cameras find it."""
-    if described is None:
+    if description is None:
         return task
-    body, seen = task.stage.body, described.seen_colours
-    if described.colour is not None and not isinstance(body, Soup):
-        task = replace(task, stage=replace(task.stage, body=replace(body, colour=described.colour)))
+    body, seen = task.stage.body, description.seen_colours
+    if description.colour is not None and not isinstance(body, Soup):
+        task = replace(task, stage=replace(task.stage, body=replace(body, colour=description.colour)))
     return task if seen is None else replace(task, perception=replace(task.perception, colour=seen))
 
 
