@@ -91,7 +91,7 @@ def _start_model(path: Path, task: Task) -> Model:
 
 
 def _priors(recordings: Sequence[Path]) -> tuple[Parameter, ...]:
-    """What the first recording that describes its object says of the parameters."""
+    """Priors of the first recording that describes its object."""
     found = (recorded_object(read_episode(path).config) for path in recordings)
     return next((description.priors for description in found if description is not None), ())
 

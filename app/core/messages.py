@@ -204,11 +204,6 @@ class Proposal(Message):
         return not self.chosen.cost_after >= 0.0
 
     @property
-    def is_for_goal(self) -> bool:
-        """False for a motion that an operator asked for: the way to the start pose, or one of a demonstration."""
-        return self.chosen.origin not in ("start", "shown")
-
-    @property
     def dropped_count(self) -> int:
         """Number of branches that became non-finite."""
         return sum(not branch.finite for branch in self.branches)

@@ -38,7 +38,7 @@ _GUESSED: Final = 0.3
 """Standard deviation of the number of pieces in a cluster of several, for each of them."""
 _EDGES_M: Final = 6e-3
 _ACROSS_M: Final = 5e-4
-"""What the lengths and radii that images show err by: depth is blurred at edges. Measured in the simulated cell, where
+"""Errors of the lengths and radii that images show: depth is blurred at edges. Measured in the simulated cell, where
 ropes of 40 and 25 cm seem 7 to 16 mm too long, and those of 8 and 5 mm radius 0.3 to 0.7 mm too thin."""
 _PIECE_M: Final = 1.5e-3
 _SIDE_M: Final = 4e-3

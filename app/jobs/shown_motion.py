@@ -1,4 +1,4 @@
-"""What comes of a motion that was demonstrated, by the simulation, for the object where it is now."""
+"""Simulation of a motion that was demonstrated, for the object where it is now."""
 
 from __future__ import annotations
 

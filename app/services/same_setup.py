@@ -24,7 +24,7 @@ _OTHER_LENS: Final = 3e-3
 """Relative difference of focal lengths, or of the image's middle by its width, of another lens or image size."""
 _MM: Final = 1e3
 _KEYS: Final = {"preset": "preset", "world": "world of the simulated rope", "table": "pose of the table"}
-"""What the configuration of an episode says besides, and how it is called."""
+"""Further keys of the configuration of an episode, and their names."""
 COLLECTED: Final = "collected"
 """Key of the options of a collection in the configuration of a recording's `Episode`."""
 

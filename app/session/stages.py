@@ -3,6 +3,7 @@
 from typing import Final, NamedTuple, final
 
 from app.core.dialogue.approval import AUTOMATIC, Approved
+from app.core.dialogue.requests import is_requested
 from app.core.errors import MotionRefused
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Executed, Particles, Proposal, Transition
@@ -108,7 +109,7 @@ class SessionStages:
         target = state.config.target
         decision, approved = await parts.approving.wait_for_decision(plan)
         if decision is not None and (approved or not decision.approve):
-            if plan.is_for_goal:
+            if not is_requested(plan):
                 parts.planning.on_decision(plan, approved=approved is not None)
             elif approved is None:
                 self._store.dispatch(RequestedEnd(made=False))
@@ -124,7 +125,7 @@ class SessionStages:
         executed = await self._execute(leave.approved) if not self._store.state.ended else None
         self._invalidate_observations()
         self._moved_s = self._touched_s
-        if not leave.proposal.is_for_goal and (executed is None or executed.outcome != "completed"):
+        if is_requested(leave.proposal) and (executed is None or executed.outcome != "completed"):
             self._store.dispatch(RequestedEnd(made=False))
         return None if executed is None else ExecutedPlan(leave, executed)
 
@@ -132,7 +133,7 @@ class SessionStages:
         """Look at what came of it; score it, and learn from it where it was made to its end."""
         (proposal, approved, before, target), executed = made
         parts = self._parts
-        if not proposal.is_for_goal:
+        if is_requested(proposal):
             await self._learn_of_requested(made)
             return
         if before and executed.outcome == "completed":

@@ -12,7 +12,7 @@ import pytest
 from app.arm.gate import check_motion, way
 from app.config import Site
 from app.core.dialogue.control import Mode
-from app.core.dialogue.requests import DemonstrationRequest, EditRequest, HandRequest, StartPoseRequest
+from app.core.dialogue.requests import DemonstrationRequest, EditRequest, HandRequest, StartPoseRequest, is_requested
 from app.core.errors import MotionRefused, PlanningError, UsageError
 from app.core.messages import Executed, Health, Message, Notice, Outcome, Proposal, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
@@ -78,13 +78,13 @@ async def test_the_way_to_the_start_pose_is_a_proposal_that_is_approved_made_and
         await person.asks(start_pose())
         await person.sees(Notice, "gives way to what was asked for")
         proposal = await person.sees(Proposal)
-        assert (proposal.chosen.origin, proposal.is_for_goal) == ("start", False)
+        assert (proposal.chosen.origin, is_requested(proposal)) == ("start", True)
         np.testing.assert_allclose(proposal.motion.positions[-1], start[:3])
         executed = await pushes(run, proposal)
         assert executed.outcome == "completed"
         np.testing.assert_allclose(run.rig.arm.tool()[:7], start[:7], atol=2e-3)
         plan = await person.sees(Proposal)
-        assert plan.is_for_goal
+        assert not is_requested(plan)
         assert len(person.all(Outcome)) == 1
         assert len(person.all(Transition)) == learned
         # It is there.
@@ -137,7 +137,7 @@ async def test_a_stop_and_another_goal_end_what_was_asked_for_and_it_is_not_edit
         await person.presses_stop()
         await person.sees(Notice, "Press Resume")
         await person.presses_resume()
-        assert (await person.sees(Proposal)).is_for_goal
+        assert not is_requested(await person.sees(Proposal))
 
 
 async def test_a_demonstration_is_made_again_motion_by_motion_and_learned_from(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ async def test_a_demonstration_is_made_again_motion_by_motion_and_learned_from(t
             assert apart[low].max() < 2e-3, "the part that could touch the object is made as it was"
             transition = await person.sees(Transition)
             assert executed.id in transition.cause
-        assert (await person.sees(Proposal)).is_for_goal
+        assert not is_requested(await person.sees(Proposal))
         assert len(person.all(Outcome)) <= scored + 1
 
 
@@ -206,7 +206,7 @@ async def test_what_is_laid_otherwise_between_two_motions_ends_a_demonstration(t
         await pushes(run, await person.sees(Proposal))
         run.rig.table.place = "aside"
         await person.sees(Notice, "What you asked for ends here")
-        assert (await person.sees(Proposal)).is_for_goal
+        assert not is_requested(await person.sees(Proposal))
 
 
 async def test_a_hand_takes_over_in_mid_motion_moves_the_tool_and_gives_back(tmp_path: Path) -> None:
@@ -227,7 +227,7 @@ async def test_a_hand_takes_over_in_mid_motion_moves_the_tool_and_gives_back(tmp
         await gives_back(run)
         mode = await person.sees(Mode, "approve each")
         assert "gave it back" in mode.why
-        assert (await person.sees(Proposal)).is_for_goal
+        assert not is_requested(await person.sees(Proposal))
         assert not person.all(Outcome), "a motion that was not made to its end is not scored"
         await gives_back(run)
         await person.sees(Notice, "there is nothing to give back")

@@ -1,4 +1,4 @@
-"""What comes of a demonstrated motion is simulated as that of a plan is, for the object as it lies now."""
+"""A demonstrated motion is simulated as that of a plan is, for the object as it lies now."""
 
 from itertools import pairwise
 

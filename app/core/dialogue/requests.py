@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeRequest
 from app.core.geometry.charuco import Charuco
-from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
+from app.core.messages import Decision, Message, MessageId, Model, Notice, Proposal, ResumeRequest, StopRequest
 from app.core.types import ColourImage, DepthImage, Points
 
 GoalSource: TypeAlias = Literal["view", "curve", "copy", "region", "file"]
@@ -179,3 +179,8 @@ Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | HandRequest | C
 """Requests open to the holder of control."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """Messages from an operator's console; a notice records something that the console observed."""
+
+
+def is_requested(proposal: Proposal) -> bool:
+    """True for a motion that an operator asked for: the way to the start pose, or one of a demonstration."""
+    return proposal.chosen.origin in ("start", "shown")

@@ -59,7 +59,7 @@ class Study:
     setup: MeasuredSetup | None = None
     """Object, tool and table of imported data; None of recordings of this program, which are the task's."""
     priors: tuple[Parameter, ...] = ()
-    """What is known of the object's parameters beforehand."""
+    """Intervals of the object's parameters that are known beforehand."""
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of its frame in that of the data: see `discovery.checks.placement`."""
 

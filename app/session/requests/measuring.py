@@ -1,4 +1,4 @@
-"""What cameras measure of the object, for whoever describes it."""
+"""Measurement of the object by cameras, for whoever describes it."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final, final

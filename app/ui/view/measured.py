@@ -22,7 +22,7 @@ _TEXTS: Final[Mapping[str, tuple[str, Callable[[float], str]]]] = {
 
 
 def card(found: MeasuredObject | None) -> str:
-    """What was measured, with its errors, and what was not."""
+    """Table of what was measured, with its errors, and what was not."""
     if found is None:
         said = "Lay the object down whole and in view, and measure it. Whatever is measured can be corrected."
         return f"<div class='dp'><small>{said}</small></div>"
