@@ -40,7 +40,8 @@ class Measuring:
         frames = [channel.value for channel in self._sensing.frames.values()]
         images = [frame.color for frame in frames if frame is not None]
         try:
-            async with self._computers("measuring", niceness=10) as worker:
+            worker = self._computers("measuring", niceness=10)
+            async with worker:
                 found = await worker.run(measure_object, kind, tuple(view.surface for view in views))
                 seen = await worker.run(measure_colours, images, how.segmenting)
         except DipacError as error:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from html import escape
 from typing import Final
 
+from app.core.dialogue import words
 from app.core.dialogue.object_messages import MeasuredObject, MeasuredSize
 from app.ui.parts.cards import table
 
@@ -37,6 +38,6 @@ def card(found: MeasuredObject | None) -> str:
 
 
 def _row(size: MeasuredSize) -> tuple[str, str]:
-    label, text = _TEXTS.get(size.name, (size.name, lambda value: f"{value:.3g}"))
+    label, text = _TEXTS.get(size.name, (size.name, words.number))
     error = f" \N{PLUS-MINUS SIGN} {text(size.sd)}" if size.seen else ", assumed"
     return label, text(size.value) + error
