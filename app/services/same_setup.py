@@ -10,10 +10,11 @@ from typing import Any, Final, Self, final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from app.core.colours import ColourRange
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.object_description import ObjectDescription, recorded_object
-from app.core.messages import Episode
+from app.core.messages import Episode, Parameter
 from app.core.task_name import recorded_name
 from app.recording.read.reader import read_cameras, read_episode
 
@@ -54,8 +55,9 @@ class CollectionSetup:
         """That of an episode which these cameras see."""
         config = _config(episode)
         options, collected = (_sub(config, name) for name in ("options", COLLECTED))
-        said = {name: config[key] for key, name in _KEYS.items() if key in config}
-        said |= {name: options[key] for key, name in _KEYS.items() if key in options}
+        # What was asked for may be "auto"; what it came to stands beside it.
+        known = {**options, **config}
+        said = {name: known[key] for key, name in _KEYS.items() if key in known}
         limits = _sub(config, "limits")
         if "workspace" in limits:
             said["workspace"] = limits["workspace"]
@@ -91,16 +93,25 @@ def differences(before: CollectionSetup, now: CollectionSetup) -> Iterator[str]:
 
 
 def _of_object(before: ObjectDescription | None, now: ObjectDescription | None) -> Iterator[str]:
-    was, is_ = (ObjectDescription() if each is None else each for each in (before, now))
+    if before is None or now is None:
+        if before is not now:
+            yield f"the object was {_called(before)}, and is {_called(now)}"
+        return
     for name in ("kind", "name", "colour", "seen_colours", "priors"):
-        old, new = getattr(was, name), getattr(is_, name)
+        old, new = getattr(before, name), getattr(now, name)
         if _plain(old) != _plain(new):
-            called = {"seen_colours": "range of colours"}.get(name, name)
-            yield f"the object's {called} was {_text(old)}, and is {_text(new)}"
-    for name in sorted({*was.sizes, *is_.sizes}):
-        old, new = was.sizes.get(name), is_.sizes.get(name)
+            name = {"seen_colours": "range of colours"}.get(name, name)
+            yield f"the object's {name} was {_text(old)}, and is {_text(new)}"
+    for name in sorted({*before.sizes, *now.sizes}):
+        old, new = before.sizes.get(name), now.sizes.get(name)
         if old is None or new is None or not np.isclose(old, new, rtol=1e-6, atol=0.0):
             yield f"the object's {name} was {_text(old)}, and is {_text(new)}"
+
+
+def _called(description: ObjectDescription | None) -> str:
+    if description is None:
+        return "the task's"
+    return repr(description.name) if description.name else f"a described {description.kind or 'one'}"
 
 
 def _of_cameras(before: Sequence[CameraModel], now: Sequence[CameraModel]) -> Iterator[str]:
@@ -151,7 +162,19 @@ def _plain(value: object) -> object:
 
 
 def _text(value: object) -> str:
-    return "the task's" if value in (None, (), "") else json.dumps(_plain(value))
+    match value:
+        case None | () | "":
+            return "the task's"
+        case ColourRange():
+            return f"hue {value.hue_low_deg:.0f} to {value.hue_high_deg:.0f} degrees"
+        case float() | int():
+            return f"{value:.4g}"
+        case (Parameter(), *_):
+            return ", ".join(f"{each.name} {each.low:.4g} to {each.high:.4g}" for each in value)
+        case (float() | int(), *_):
+            return f"({', '.join(map(_text, value))})"
+        case _:
+            return json.dumps(_plain(value))
 
 
 def recordings_of(folder: Path) -> list[Path]:

@@ -10,13 +10,13 @@ import pytest
 from app.__main__ import main
 from app.core.errors import UsageError
 from app.core.geometry.object_description import KEY, ObjectDescription
-from app.core.messages import Episode, fresh_id
+from app.core.messages import Episode, Parameter, fresh_id
 from app.evaluation import demonstrate
 from app.recording.read.reader import read_cameras, read_episode
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.services.same_setup import CollectionSetup, differences, require_same
 
-GREEN = 'kind = "rope"\ncolour = "#1a8033"\nlength_m = 0.3\n'
+GREEN = 'kind = "rope"\ncolour = "#1a8033"\n'
 
 
 def setup(**config: object) -> CollectionSetup:
@@ -41,18 +41,44 @@ def setup(**config: object) -> CollectionSetup:
         ({"world": "cable"}, 'the world of the simulated rope was "chain", and is "cable"'),
         ({"table": {"turn_deg": 3.0}}, "the pose of the table was"),
         ({"limits": {"workspace": {"low": [0, 0, 0]}}}, "the workspace was"),
-        ({KEY: ObjectDescription(kind="rope", colour=(0.1, 0.5, 0.2)).as_json}, "the object's colour was the task's"),
-        ({KEY: ObjectDescription(sizes={"mass_kg": 0.05}).as_json}, "the object's mass_kg was the task's, and is 0.05"),
+        (
+            {KEY: ObjectDescription(kind="rope", colour=(0.1, 0.5, 0.2)).as_json},
+            "the object was the task's, and is a described rope",
+        ),
+        ({KEY: ObjectDescription(name="cord").as_json}, "the object was the task's, and is 'cord'"),
+        ({"preset": "gpu"}, 'the preset was "cpu", and is "gpu"'),
+        ({"options": {"preset": "auto"}}, ""),
     ],
 )
 def test_what_differs_is_named(other: dict[str, object], said: str) -> None:
-    usual = {"world": "chain", "table": {"turn_deg": 0.0}, "limits": {"workspace": {"low": [0.2, 0, 0]}}}
+    usual = {
+        "world": "chain",
+        "preset": "cpu",
+        "table": {"turn_deg": 0.0},
+        "limits": {"workspace": {"low": [0.2, 0, 0]}},
+    }
     before = setup(**usual)
     assert not list(differences(before, setup(**usual)))
     now = setup(**(usual | other))
     assert said in "; ".join(differences(before, now))
+    if not said:
+        assert not list(differences(before, now))
+        return
     with pytest.raises(UsageError, match="Set it up as it was"):
         require_same(before, now, Path("recordings"))
+
+
+def test_of_two_objects_what_differs_is_named() -> None:
+    friction = Parameter(name="table_friction", value=0.3, unit="1", low=0.2, high=0.5)
+    cord = ObjectDescription(kind="rope", name="cord", sizes={"mass_kg": 0.05}, colour=(0.1, 0.5, 0.2))
+    other = replace(cord, sizes={"mass_kg": 0.06}, colour=(0.5, 0.2, 0.1), priors=(friction,))
+    before, now = setup(**{KEY: cord.as_json}), setup(**{KEY: other.as_json})
+    assert list(differences(before, now)) == [
+        "the object's colour was (0.1, 0.5, 0.2), and is (0.5, 0.2, 0.1)",
+        "the object's range of colours was hue 117 to 153 degrees, and is hue 357 to 33 degrees",
+        "the object's priors was the task's, and is table_friction 0.2 to 0.5",
+        "the object's mass_kg was 0.05, and is 0.06",
+    ]
 
 
 def test_cameras_that_moved_or_look_otherwise_are_named() -> None:
@@ -97,7 +123,7 @@ def test_a_collection_goes_on_in_another_session_with_the_same_object_and_no_oth
     assert main([*order, "--episodes", "1"]) == 0
     (path,) = folder.glob("*.mcap")
     episode = read_episode(path)
-    assert episode.task == "rope_push(length_m=0.3)"
+    assert episode.task == "rope_push"
     assert json.loads(episode.config)[KEY]["kind"] == "rope"
     assert [camera.name for camera in read_cameras(path)] == [camera.name for camera in table_cameras()]
     assert main([*order, "--episodes", "2", "--resume"]) == 0
@@ -105,10 +131,10 @@ def test_a_collection_goes_on_in_another_session_with_the_same_object_and_no_oth
     assert "holds 1 recordings of this set-up" in capsys.readouterr().out
     # Nothing is left to do, and nothing is done.
     assert main([*order, "--episodes", "2", "--resume"]) == 0
-    (tmp_path / "green.toml").write_text(GREEN.replace("0.3", "0.32").replace("#1a8033", "#803a1a"))
+    (tmp_path / "green.toml").write_text(GREEN.replace("#1a8033", "#803a1a") + "mass_kg = 0.05\n")
     assert main([*order, "--episodes", "3", "--resume"]) == UsageError.exit_code
     said = capsys.readouterr().err
-    for clause in ("rope_push(length_m=0.3), and is rope_push(length_m=0.32)", "the object's colour was"):
+    for clause in ("the task was rope_push, and is rope_push(mass_kg=0.05)", "the object's colour was"):
         assert clause in said
     assert main([*order, "--episodes", "3", "--resume", "-o", str(tmp_path / "none")]) == UsageError.exit_code
     assert "leave --resume out" in capsys.readouterr().err

@@ -108,13 +108,12 @@ async def test_a_session_at_rest_rests_again_after_what_was_asked_for(tmp_path: 
             assert not some(Proposal, await for_a_while(run))
 
 
-@pytest.mark.parametrize("mode", ["plan only", "teleoperate", "automatic"])
-async def test_nothing_is_offered_where_motions_are_not_approved_one_by_one(mode, tmp_path: Path) -> None:
+async def test_nothing_is_offered_where_motions_are_not_approved_one_by_one(tmp_path: Path) -> None:
     async with running(small_site(tmp_path), small_wish(staying=True)) as run:
         await pushes(run, await run.shows_a_plan())
         await run.person.sees(Outcome)
-        await run.person.chooses(mode, motions=3 if mode == "automatic" else 0)
-        await run.person.sees(Mode, mode)
+        await run.person.chooses("automatic", motions=3)
+        await run.person.sees(Mode, "automatic")
         await run.person.asks(start_pose())
         await run.person.sees(Notice, "Choose 'Approve each' first")
 
