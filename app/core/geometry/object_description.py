@@ -34,9 +34,9 @@ SIZES: Final[Mapping[str, Range]] = MappingProxyType(
 the nominal rope's, within a factor of two (`tests/tasks/test_size_limits.py`)."""
 BEAN_SIZES: Final[Mapping[str, Range]] = MappingProxyType({"count": (20.0, 80.0), "mass_kg": (0.01, 0.2)})
 """Number of beans, and the mass of all."""
-CLOTH_SIZES: Final[Mapping[str, Range]] = MappingProxyType({"size_m": (0.18, 0.28), "mass_kg": (0.004, 0.05)})
-"""Side of a square cloth, and its mass: a shorter one does not hang on both sides of the rack, a longer one reaches the
-table when it is carried."""
+CLOTH_SIZES: Final[Mapping[str, Range]] = MappingProxyType({"size_m": (0.20, 0.28), "mass_kg": (0.004, 0.05)})
+"""Side of a square cloth, and its mass: the expert does not hang one of 18 cm, and does one of 20; one that is longer
+than 28 cm reaches the table when it is carried."""
 LIQUID_SIZES: Final[Mapping[str, Range]] = MappingProxyType(
     {"volume_m3": (60e-6, 160e-6), "density_kg_m3": (920.0, 1300.0)}
 )
