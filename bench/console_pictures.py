@@ -56,7 +56,7 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
         for _ in range(_LATER):
             page.keyboard.press("ArrowRight")
         _picture(page, folder / "console-branches.png")
-        page.get_by_role("button", name="By hand").click()
+        page.get_by_role("button", name="By hand", exact=True).click()
         page.get_by_text("Waiting to be moved by hand").wait_for()
         page.get_by_role("tab", name="Cell").click()
         _picture(page, folder / "console-hand.png")
