@@ -1,7 +1,7 @@
 """The pictures of the console in README and docs, taken from the running program: `make pictures`. See `--help`.
 
-It starts `dipac console` as a user does, opens its page in Chromium, approves the first motion, looks again, and takes
-the tool in hand.
+It starts `dipac console` as a user does, opens its page in Chromium, measures the rope, approves the first motion,
+looks again, and takes the tool in hand.
 """
 
 import os
@@ -16,6 +16,7 @@ from pathlib import Path
 import tyro
 from playwright.sync_api import Error, Page
 
+from app.ui.tabs.object_wizard import MEASURE
 from bench.browser import console_url, open_browser
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -32,7 +33,7 @@ _SIZE = {"width": 1600, "height": 900}
 
 
 def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
-    """Write console-plan.png, -progress.png, -branches.png and -hand.png into the folder."""
+    """Write console-plan.png, -object.png, -progress.png, -branches.png and -hand.png into the folder."""
     with tempfile.TemporaryDirectory() as recordings, _program(task, seed, Path(recordings)) as url, _page() as page:
         page.context.add_init_script(f"{_SELDOM}; {_PACED}")
         page.goto(url)
@@ -40,6 +41,10 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
         page.evaluate(_DRAWN)
         page.get_by_text("Software WebGL rendering detected").locator("xpath=../..").get_by_role("button").click()
         _picture(page, folder / "console-plan.png")
+        page.get_by_role("tab", name="Object").click()
+        page.get_by_role("button", name=MEASURE).click()
+        page.get_by_text("Its mass is not seen").wait_for()
+        _picture(page, folder / "console-object.png")
         _approve(page)
         page.get_by_text("Progress", exact=True).click()
         page.get_by_text("Distance to the goal").wait_for()
@@ -51,7 +56,7 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
         for _ in range(_LATER):
             page.keyboard.press("ArrowRight")
         _picture(page, folder / "console-branches.png")
-        page.get_by_role("button", name="By hand").click()
+        page.get_by_role("button", name="By hand", exact=True).click()
         page.get_by_text("Waiting to be moved by hand").wait_for()
         page.get_by_role("tab", name="Cell").click()
         _picture(page, folder / "console-hand.png")

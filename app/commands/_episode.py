@@ -20,7 +20,7 @@ from app.commands._case import MODEL, DiscoveryResults, read_case
 from app.commands._cell import cell
 from app.commands._goal import read_goal
 from app.commands._guiding import with_policy
-from app.commands._named import full_name
+from app.commands._named import check_description, full_name, read_description
 from app.commands._options import Options
 from app.commands._preflight import check_port
 from app.commands._pushes import motions_in
@@ -29,8 +29,10 @@ from app.commands._version import code_version
 from app.config import Site
 from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.object_description import KEY, ObjectDescription, recorded_object
 from app.core.geometry.scene_description import Stage
-from app.core.messages import Episode, Goal, fresh_id
+from app.core.messages import Episode, Goal, Model, fresh_id
 from app.core.ports import CameraShelf, Rig
 from app.core.rejection_codes import Refusal
 from app.core.system.clock import SystemClock
@@ -40,14 +42,17 @@ from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded_name
 from app.jobs.goals import goal_of
 from app.jobs.probed import probed_subject
-from app.jobs.worker_api import check_model, choose_preset, shown_goal
+from app.jobs.worker_api import check_model, choose_preset, nominal_model, shown_goal
 from app.planner.method import Method
 from app.recording.exchange.model_file import load_model
 from app.recording.library.session_recorder import SessionRecorder, open_studio
+from app.recording.read.reader import read_episode
 from app.recording.write.preflight import Room
+from app.services.same_setup import CollectionSetup, common_setup, recordings_of, require_same
 from app.session import Parts, Session
 from app.tasks import Task, load
 from app.tasks.elements.base import EpisodeConfig, Experiment
+from app.tasks.elements.descriptions import with_appearance
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
@@ -63,7 +68,8 @@ PLANNER_NICENESS = 10
 class RunOptions:
     """Request of the command line for the task `asked`.
 
-    `case`: a folder that a discovery wrote; `board`: a calibration board is in the gripper.
+    `case`: a folder that a discovery wrote; `resume`: recordings whose set-up this one has to be; `board`: a
+    calibration board is in the gripper.
 
     `allow_automatic`: on a real arm, too, an operator may permit motions without approval.
     """
@@ -74,11 +80,29 @@ class RunOptions:
     case: Path | None = None
     board: bool = False
     allow_automatic: bool = False
+    resume: Path | None = None
 
     @cached_property
     def task(self) -> str:
         """The full name of the task. Raises UsageError for an unknown one."""
-        return full_name(self.asked, dynamics=self.options.dynamics, sizes=self.options.object, model=self.model)
+        sizes = self.description.sizes if self.description else {}
+        return full_name(self.asked, dynamics=self.options.dynamics, sizes=sizes, model=self.model)
+
+    @cached_property
+    def description(self) -> ObjectDescription | None:
+        """The object of --object, or of the recording that a replayed cell shows; None where neither describes one.
+
+        Raises UsageError where it is none of the task.
+        """
+        options = self.options
+        if options.object is not None:
+            return read_description(options.object, self.asked)
+        if options.cell is None or load_cell(options.rig).answers:
+            return None
+        shown = recorded_object(read_episode(options.cell).config)
+        if shown is not None:
+            check_description(shown, self.asked, f"{options.cell}: ")
+        return shown
 
     @property
     def model(self) -> Path | None:
@@ -167,7 +191,9 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
             f"{order.options.rig} is real, and `dipac run` approves by itself; use `dipac console`.",
         )
     options, site = order.options, await to_thread.run_sync(order.options.site)
-    task = await to_thread.run_sync(partial(seen_with, load(order.task), options.segmenter, depth=options.depth))
+    description = await to_thread.run_sync(lambda: order.description)
+    shown = with_appearance(load(order.task), description)
+    task = await to_thread.run_sync(partial(seen_with, shown, options.segmenter, depth=options.depth))
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     if options.seed < 0:
@@ -189,6 +215,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         if options.probe:
             await to_thread.run_sync(probed_subject, task)
             config = replace(config, experiment=Experiment(budget=options.pushes))
+        await to_thread.run_sync(_check_setup, order, start, None)
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
@@ -198,6 +225,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
                 Text(f"Recording to {recorder.path}", no_wrap=True),
             )
+            await to_thread.run_sync(_check_setup, order, start, tuple(camera.model for camera in rig.cameras))
             with _announced_if_interrupted(output, recorder.path):
                 async with open_terminal(output, *heading) as terminal:
                     audience = Audience(console, terminal)
@@ -224,12 +252,20 @@ async def _with_corrections(config: EpisodeConfig, order: RunOptions, site: Site
     if order.options.asked:
         asked = await planner.run(motions_in, order.options.asked, recorded_name(order.task), order.task, site)
         config = replace(config, asked=(*asked, *config.asked))
+    if config.model is None and order.description is not None and order.description.priors:
+        if not config.method.calibrated:
+            raise UsageError(
+                f"--ablation {order.options.ablation} plans without what is known of the object, and it has priors; "
+                "leave them out, or the ablation."
+            )
+        known: Model = await planner.run(nominal_model, config.task.name, order.description.priors)
+        config = replace(config, model=known)
     if config.model is None:
         return config
     try:
         await planner.run(check_model, config.model)
     except ParameterError as error:
-        raise ParameterError(f"{order.model}: {error}") from None
+        raise ParameterError(f"{order.model or order.options.object}: {error}") from None
     return replace(config, shown_goal=await planner.run(shown_goal, config.goal.positions, config.model))
 
 
@@ -318,9 +354,21 @@ def _take_bytes(site: Site) -> int:
     return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 
+def _check_setup(order: RunOptions, start: Episode, cameras: tuple[CameraModel, ...] | None) -> None:
+    """Raises UsageError, which names what differs, where this is not the set-up that is to be resumed.
+
+    `cameras` None: they are not known yet.
+    """
+    if order.resume is not None:
+        now = CollectionSetup.of_episode(start, cameras)
+        require_same(common_setup(recordings_of(order.resume)), now, order.resume)
+
+
 def _start(order: RunOptions, preset: str) -> Episode:
-    table = order.options.site().table
-    config = asdict(order) | {"task": order.task, "preset": preset, "table": asdict(table)}
+    site = order.options.site()
+    config = asdict(order) | {"task": order.task, "preset": preset, "table": asdict(site.table)}
+    config |= {"limits": {"workspace": asdict(site.limits.workspace)}}
+    config |= {KEY: order.description.as_json} if order.description else {}
     return Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError
+from app.core.geometry.object_description import SIZES
 from app.core.geometry.scene_description import Rope
 from app.core.geometry.tool_surface import ToolView, fit_tool
 from app.core.geometry.track import poses_at
@@ -23,7 +24,6 @@ from app.recording.exchange.plain_checks import half_sides
 from app.sim.rods.geometry.rope_size import rope_size
 from app.tasks import load
 from app.tasks.elements.base import Task
-from app.tasks.elements.sizes import SIZES
 
 _STEEP_DEG: Final = 20.0
 """Largest credible tilt of a table with a rope on it against the arm's base."""

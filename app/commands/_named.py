@@ -1,20 +1,30 @@
 """The full name of the task that a command line asks for: its object, its tool, and how that object is simulated."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from app.core.errors import UsageError
+from app.core.errors import ParameterError, UsageError
+from app.core.geometry.object_description import ObjectDescription
 from app.core.task_name import TaskName
 from app.recording.exchange.model_file import task_of
-from app.recording.exchange.toml_file import finite_number, read_toml
-from app.tasks import load, name_with_dynamics
-from app.tasks.elements.sizes import BEAN_SIZES, SIZES
+from app.recording.exchange.object_file import load_object
+from app.tasks import load, name_with_dynamics, names
+from app.tasks.elements.descriptions import check_object
 
 Dynamics: TypeAlias = Literal["rods", "mpm"]
 
 
-def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None, model: Path | None = None) -> str:
-    """Full name of `task` with the sizes in a file, and with these dynamics.
+def full_name(
+    task: str,
+    *,
+    dynamics: Dynamics | None,
+    sizes: Mapping[str, float] = MappingProxyType({}),
+    model: Path | None = None,
+) -> str:
+    """Full name of `task` with these sizes and dynamics.
 
     What neither the name nor the caller specifies is that of `model` if it is of the same task, else the task's own.
     Raises UsageError for an unknown task, size or dynamics, and if name and `dynamics` contradict.
@@ -24,7 +34,7 @@ def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None
     engine: str | None = name.dynamics if "@" in task else None
     if None not in (engine, dynamics) and engine != dynamics:
         raise UsageError(f"{task} contradicts --dynamics {dynamics}; leave one of them out.")
-    engine, own = engine or dynamics, dict(name.sizes) | (read_sizes(sizes) if sizes else {})
+    engine, own = engine or dynamics, dict(name.sizes) | dict(sizes)
     if model is not None:
         its = TaskName.parse(task_of(model))
         if its.problem == name.problem:
@@ -32,21 +42,23 @@ def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None
     return name_with_dynamics(str(TaskName.of(name.problem, own)), engine)
 
 
-def read_sizes(path: Path) -> dict[str, float]:
-    """Sizes in a TOML file such as `length_m = 0.3`, by the names of `app.tasks.elements.sizes`.
+def read_description(path: Path, task: str) -> ObjectDescription:
+    """The object that a file describes, for the task of this full name with the file's sizes.
 
-    Raises UsageError where it cannot be read, or says anything else.
+    Raises UsageError where it cannot be read, is of another kind, or has sizes that this task cannot have.
     """
+    description = load_object(path)
+    check_description(description, task, f"{path}: ")
+    return description
+
+
+def check_description(description: ObjectDescription, task: str, whose: str) -> None:
+    """Raises UsageError, which begins with `whose`, where the object is none of the task of this full name."""
     try:
-        table = read_toml(path)
-    except OSError as error:
-        raise UsageError(f"Cannot read the object {path}: {error.strerror}.") from None
-    except ValueError as error:
-        raise UsageError(f"{path} is no TOML file ({error}); write lines such as `length_m = 0.3`.") from None
-    for name in table:
-        if name not in SIZES | BEAN_SIZES:
-            raise UsageError.unknown(f"size in {path}", name, SIZES | BEAN_SIZES)
-    try:
-        return {name: finite_number(name, value) for name, value in table.items()}
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}; write such as `length_m = 0.3`.") from None
+        problem = load(TaskName.parse(task).problem)
+        check_object(problem, replace(description, priors=()), map(load, names()))
+        check_object(load(full_name(task, dynamics=None, sizes=description.sizes)), description, ())
+    except ParameterError as error:
+        raise ParameterError(f"{whose}{error}") from None
+    except UsageError as error:
+        raise UsageError(f"{whose}{error}") from None

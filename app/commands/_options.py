@@ -52,8 +52,8 @@ class Options:
     dynamics: Dynamics | None = None
     """simulation of the object in plans: rods, for ropes, or mpm, material points; by default the task's own"""
     object: Path | None = None
-    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m, and of a flat one
-    finger_half_width_m and finger_yaw_rad, from the x axis"""
+    """a TOML file that describes another object: its kind, sizes, mass, colour, and what is known of its parameters
+    (docs/objects.md)"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"

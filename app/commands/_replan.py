@@ -13,6 +13,7 @@ from anyio import to_thread
 from app.commands._guiding import with_policy
 from app.config import Limits, Site
 from app.core.errors import UsageError
+from app.core.geometry.object_description import recorded_object
 from app.core.messages import Episode, Goal, Model, Particles, Proposal
 from app.core.system.worker import Worker
 from app.core.types import ToolPose
@@ -150,7 +151,10 @@ async def _model(planner: Worker, timeline: Timeline, order: ReplanRequest, seen
         return known[order.model], f"version {known[order.model].version}"
     if seen.model is not None:
         return seen.model, f"version {seen.model.version}"
-    return await planner.run(nominal_model, str(seen.config.get("task", seen.episode.task))), "the nominal model"
+    description = recorded_object(seen.episode.config)
+    priors = () if description is None else description.priors
+    name = str(seen.config.get("task", seen.episode.task))
+    return await planner.run(nominal_model, name, priors), "the nominal model"
 
 
 def _sendable(model: Model) -> Model:

@@ -20,7 +20,8 @@ from app.commands._arguments import Files
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
-from app.core.messages import Model, Transition
+from app.core.geometry.object_description import recorded_object
+from app.core.messages import Model, Parameter, Transition
 from app.core.task_name import recorded_name
 from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
@@ -61,7 +62,7 @@ def calibrate(
     fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(paths)} recordings"
     terminal.print(Text(f"Fitting {fitting}; that takes minutes."), soft_wrap=True)
     with terminal.status("loading the simulator"):
-        old = _start_model(start, task) if start else nominal_model(task.name)
+        old = _start_model(start, task) if start else nominal_model(task.name, _priors(paths))
     with terminal.status(f"fitting {fitting}"):
         found = calibration(task.name, preset, transitions, old)
     new, picture = found.model, output.with_suffix(".svg")
@@ -87,6 +88,12 @@ def _start_model(path: Path, task: Task) -> Model:
     model = load_model(path, task=task.name, time_s=0.0)
     check_model(model)
     return model
+
+
+def _priors(recordings: Sequence[Path]) -> tuple[Parameter, ...]:
+    """Priors of the first recording that describes its object."""
+    found = (recorded_object(read_episode(path).config) for path in recordings)
+    return next((description.priors for description in found if description is not None), ())
 
 
 def _task_of(recordings: tuple[Path, ...]) -> str:

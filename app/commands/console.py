@@ -40,6 +40,13 @@ def console(
             "and confirms it"
         ),
     ] = False,
+    resume: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            help="a recording, or a folder of demonstrations, to go on from: the session begins if cell, cameras, task "
+            "and object are the same, or says what differs"
+        ),
+    ] = None,
 ) -> None:
     """Serve the console at the printed address until somebody ends the session there, or Ctrl-C.
 
@@ -47,7 +54,13 @@ def console(
     """
     output = Output()
     order = RunOptions(
-        asked=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic
+        asked=task,
+        options=options,
+        automatic=False,
+        case=case,
+        board=board,
+        allow_automatic=allow_automatic,
+        resume=resume,
     )
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)

@@ -17,6 +17,7 @@ from app.commands._measured_setup import is_of_rope, measured_setup
 from app.commands._preflight import check_writable, unwritable
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.object_description import SIZES
 from app.core.geometry.scene_description import Rope
 from app.core.geometry.table_place import AT_BASE
 from app.core.messages import Episode, Message
@@ -32,7 +33,6 @@ from app.recording.write.file import EpisodeFile
 from app.services.foreign_pushes import find_pushes
 from app.tasks import load
 from app.tasks.elements.base import Task
-from app.tasks.elements.sizes import SIZES
 
 _PERCENT: Final = 100
 

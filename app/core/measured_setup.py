@@ -19,7 +19,7 @@ KEY: Final = "setup"
 @final
 @dataclass(frozen=True, kw_only=True)
 class SourcedSize:
-    """One size of object or tool, in SI units, by its name in `tasks.elements.sizes.SIZES`; `sd`: 0 where unknown."""
+    """One size of object or tool, in SI units, by its name in `object_description.SIZES`; `sd`: 0 where unknown."""
 
     name: str
     value: float

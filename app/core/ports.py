@@ -12,7 +12,7 @@ from app.core.dialogue.requests import Request
 from app.core.geometry.arm_geometry import ArmShape, JointAngles
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.hand_eye import HandEye
-from app.core.messages import ArmState, Executed, Frame, Message
+from app.core.messages import ArmState, Executed, Frame, Message, Transition
 from app.core.types import ToolPose
 
 ResultT = TypeVar("ResultT")
@@ -232,6 +232,13 @@ class Studio(Protocol):
         """Close the file with its label; None removes it: its content is in the session's own recording.
 
         Raises RecordingError where none is open, or it cannot be written.
+        """
+        ...
+
+    async def demonstration(self, recording: str) -> tuple[str, Sequence[Transition]]:
+        """Task and motions of a demonstration beside the session's recording, by its file's name.
+
+        Raises UsageError where there is none of that name, and RecordingError where it cannot be read.
         """
         ...
 

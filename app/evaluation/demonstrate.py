@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from app import __version__
 from app.core.dialogue.summary import Summary
 from app.core.errors import RecordingError
+from app.core.geometry.object_description import ObjectDescription
 from app.core.geometry.scene_description import Rope, RopeModel
 from app.core.messages import Episode, Message, Transition, fresh_id
 from app.evaluation.episode import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
@@ -23,6 +24,7 @@ from app.recording.format.clock_offset import Epoch
 from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
+from app.tasks.elements.descriptions import with_appearance
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
 """Demonstrator: the task's scripted policy, the same with its actions improved by descent, or the planner.
@@ -49,11 +51,21 @@ class Demonstration(NamedTuple):
 
 
 def demonstrations(
-    task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted", world: RopeModel = "chain"
+    task: str,
+    preset: str,
+    seeds: range,
+    eyes: Eyes,
+    expert: Expert = "scripted",
+    world: RopeModel = "chain",
+    description: ObjectDescription | None = None,
 ) -> Iterator[Demonstration]:
-    """Each episode of the expert, in the order of the seeds; of its training variant, where the task has one."""
-    known = load(task).demonstration_task
-    known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
+    """Each episode of the expert, in the order of the seeds; of its training variant, where the task has one.
+
+    `description`: its object, in other colours or with known parameters.
+    """
+    known = with_appearance(load(task).demonstration_task, description)
+    known, method = replace(known, stage=known.stage.in_world(world)), EXPERTS[expert]
+    model = nominal_model(task, () if description is None else description.priors)
     for seed in seeds:
         steps = list[EpisodeStep]()
         otherwise = EXPERTS["planned"] if expert == "descended" else None
@@ -63,10 +75,11 @@ def demonstrations(
         yield Demonstration(order.episode, steps, play(order, steps.append))
 
 
-def record(shown: Demonstration, path: Path) -> int:
+def record(shown: Demonstration, path: Path, setup: Mapping[str, Any] = MappingProxyType({})) -> int:
     """Write it as a new recording, dated by the world's clock from now on; returns the number of messages.
 
-    Raises RecordingError where the file cannot be written.
+    `setup`: what its configuration says of the collection besides. Raises RecordingError where the file cannot be
+    written.
     """
     config = shown.config
     begin_s = shown.steps[0].before.time_s if shown.steps else 0.0
@@ -78,7 +91,9 @@ def record(shown: Demonstration, path: Path) -> int:
         seed=config.seed,
         simulated=True,
         code_version=__version__,
-        config=json.dumps({"preset": config.preset, "actions": config.pushes, "expert": True, **_world(config)}),
+        config=json.dumps(
+            {"preset": config.preset, "actions": config.pushes, "expert": True, **_world(config), **setup}
+        ),
     )
     said = [episode, *_messages(shown)]
     try:

@@ -1,5 +1,6 @@
 """A task's simulator as what discovery doubts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, final
 
@@ -9,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Beans
 from app.core.measured_setup import MeasuredSetup
+from app.core.messages import Parameter
 from app.discovery.checks.placement import centre
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
 from app.discovery.dataset.object_kinds import GRAINS
@@ -30,16 +32,20 @@ _STIFFER: Final = (1.0, 4.0, 16.0)
 """Whence stiff rods are refitted, as multiples of the limpest of them."""
 
 
-def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = False) -> Subject:
+def subject_of(
+    task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = False, priors: Sequence[Parameter] = ()
+) -> Subject:
     """Model under test of a task, with the CPU preset's number of particles, simulated as the task is.
 
     What is a cause of its own is not fitted whatever the cause. `setup`: what imported data say of object and tool; the
     task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
-    is as limp as that allows. Raises UsageError for a task whose object is not pushed along a table.
+    is as limp as that allows. `priors`: what is known of its parameters beforehand.
+
+    Raises UsageError for a task whose object is not pushed along a table.
     """
     match task.stage.body, task.actions:
         case Beans() as beans, Sweeps() as sweeps:
-            return _subject_of_grains(task, beans, sweeps)
+            return _subject_of_grains(task, beans, sweeps, priors)
         case _, Pushes():
             pass
         case _:
@@ -50,7 +56,7 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
     if setup is not None:
         unsaid = frozenset(size.name for size in setup.sizes if size.source != "about")
         low_m = max(low_m, min(setup.push_height_m + LOW_ENOUGH_M, 2 * task.rope.radius_m))
-    nominal = phi_of(nominal_model(task.name))
+    nominal = phi_of(nominal_model(task.name, priors))
     if stiff:
         nominal[index("stiffness")] = task.parameters(stiff=True)[index("stiffness")].nominal
     return Subject(
@@ -70,10 +76,11 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
         ),
         unsaid=unsaid,
         finger=task.finger,
+        priors=tuple(priors),
     )
 
 
-def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps) -> Subject:
+def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps, priors: Sequence[Parameter]) -> Subject:
     """Model under test of loose pieces that a paddle sweeps."""
     causes = _first_parameters_of_causes()
     return Subject(
@@ -84,10 +91,11 @@ def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps) -> Subject:
         radius_m=beans.radius_m,
         low_m=sweeps.height_m + LOW_ENOUGH_M,
         particle_count=task.preset("cpu").particle_count,
-        nominal=phi_of(nominal_model(task.name)),
+        nominal=phi_of(nominal_model(task.name, priors)),
         calibrated=tuple(name for name in task.calibrated if name not in causes),
         kind=GRAINS,
         paddle_half_m=sweeps.half_m,
+        priors=tuple(priors),
     )
 
 
@@ -113,7 +121,7 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     bears, and a stiff rod errs less. A refit has several minima: the nominal rod is the one of `_STIFFER` from which it
     errs least. Raises as `subject_of`.
     """
-    usual = subject_of(task, study.setup)
+    usual = subject_of(task, study.setup, priors=study.priors)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
         return Doubted(subject=usual)
     trials, predictor = prepare(centre(study, usual), usual), Predictor(usual, usual.catalogue())
@@ -123,7 +131,7 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     # A refit to a rope that is much stiffer may end at one that is limp.
     if about[column] < _STIFF * usual.nominal[column] and error_m <= _error_m(predictor, trials, stiffest):
         return Doubted(subject=usual, about=about)
-    stiff = subject_of(task, study.setup, stiff=True)
+    stiff = subject_of(task, study.setup, stiff=True, priors=study.priors)
     known, least_pa = stiff.catalogue(), float(stiff.nominal[column])
     stiffer = (least_pa * times for times in _STIFFER)
     starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]

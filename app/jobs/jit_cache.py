@@ -351,17 +351,19 @@ def _borders(here: ParameterSpec, there: ParameterSpec, value: float) -> bool:
     return bool(abs(here.coordinate(value) - here.coordinate(end)) < _AT_END)
 
 
-def nominal_model(task: str) -> Model:
-    """Version 0. Its id names the task, and its time is 0, before any observation."""
+def nominal_model(task: str, priors: Sequence[Parameter] = ()) -> Model:
+    """Version 0, with the values and intervals of `priors`. Its time is 0, before any observation."""
+    said = {prior.name: prior for prior in priors}
+    known = tuple(
+        Parameter(name=spec.name, value=value, unit=spec.unit, low=value, high=value)
+        for spec, value in zip(PARAMETERS, _nominal_values(load(task)), strict=True)
+    )
     return Model(
-        id=MessageId(f"model-nominal-{task}"),
+        id=MessageId(f"model-{'prior' if said else 'nominal'}-{task}"),
         time_s=0.0,
         version=0,
         task=task,
-        parameters=tuple(
-            Parameter(name=spec.name, value=value, unit=spec.unit, low=value, high=value)
-            for spec, value in zip(PARAMETERS, _nominal_values(load(task)), strict=True)
-        ),
+        parameters=tuple(replace(said[each.name], unit=each.unit) if each.name in said else each for each in known),
     )
 
 

@@ -27,7 +27,7 @@ _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
 
 if TYPE_CHECKING:
     from app.calibration.fit import FitSettings
-    from app.core.messages import Model, Transition
+    from app.core.messages import Model, Parameter, Transition
     from app.core.types import Centreline, Points, ToolPose
     from app.jobs.apparatus_compensation import Correction
     from app.jobs.jit_cache import Calibrated
@@ -62,7 +62,7 @@ def plan(
     from app.jobs import jit_cache, rope_orientation
     from app.planner.search.request import PlanRequest
 
-    where, allowed_for = site or Site(), _correction_of(model)
+    where, allowed_for = site or Site(), correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
     x = allowed_for.unproject(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
@@ -84,7 +84,7 @@ def track_orientation(task: str, orientation: Orientation, transition: Transitio
     """The belief after `transition` about which end of the object is the model's first (see `rope_orientation`)."""
     from app.jobs import rope_orientation
 
-    if allowed_for := _correction_of(model):
+    if allowed_for := correction_of(model):
         transition = allowed_for.transition(transition)
     return rope_orientation.track_orientation(task, orientation, transition, model)
 
@@ -145,7 +145,7 @@ def _fit_model(
     from app.jobs import failures, jit_cache
     from app.sim.model.params import with_orientation
 
-    if allowed_for := _correction_of(model):
+    if allowed_for := correction_of(model):
         transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
         way = jit_cache.calibrated_from_recordings if offline else jit_cache.calibrate_model
@@ -183,11 +183,11 @@ def choose_preset() -> str:
     return "cpu" if jax.default_backend() == "cpu" else "gpu"
 
 
-def nominal_model(task: str) -> Model:
-    """Version 0: the task's own guess of its parameters."""
+def nominal_model(task: str, priors: Sequence[Parameter] = ()) -> Model:
+    """Version 0: the task's own guess of its parameters, and instead of it `priors`, where there are any."""
     from app.jobs import jit_cache
 
-    return jit_cache.nominal_model(task)
+    return jit_cache.nominal_model(task, priors)
 
 
 def uncalibrated_model(task: str) -> Model:
@@ -221,11 +221,11 @@ def planner_needs(model: Model) -> tuple[str, ...]:
 
 def shown_goal(goal: Points, model: Model) -> Points:
     """The goal (M, 3) [m] in the frame of the cameras: their view of an object that is there."""
-    allowed_for = _correction_of(model)
+    allowed_for = correction_of(model)
     return allowed_for.observe(goal) if allowed_for else goal
 
 
-def _correction_of(model: Model) -> Correction | None:
+def correction_of(model: Model) -> Correction | None:
     """The model's correction of cameras and arm; None if it has none."""
     if not model.apparatus:
         return None

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.object_description import ObjectDescription, recorded_object
 from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
@@ -24,12 +25,15 @@ from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
 from app.tasks import load
 from app.tasks.elements.base import Task
+from app.tasks.elements.descriptions import with_appearance
 
 _BETWEEN_S = 10.0
 """Gap from the end of an episode to the start of one whose clock began anew."""
 
 
-def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
+def read_study(
+    paths: Sequence[Path], *, task: str | None = None, description: ObjectDescription | None = None
+) -> Study:
     """All pushes of all recordings, in the order of the files; an episode begins with each `Episode` in them.
 
     Views have as many points as the task's CPU preset has particles. `task` None takes that of the recordings. Where an
@@ -37,7 +41,8 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     recording that has images. Where a recording has images and does not say what they show of tool and table, as those
     of `dipac run`, both are looked for in them, which takes a few seconds a minute of recording.
 
-    A demonstration or a clip is left out where its session is among them.
+    A demonstration or a clip is left out where its session is among them. `description`: the object; None takes the one
+    that the first recording describes, if it describes any.
 
     Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
     RecordingError where they hold no push or a cloud of too few points, and as `read_messages`.
@@ -47,8 +52,9 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     paths = counted_once(paths)
     episodes = [episode for path in paths for episode in _episodes(path)]
     name = _task_of(episodes, task)
-    known = load(name)
-    setup = _setup_of(episodes)
+    description = description or _object_of(episodes)
+    known = with_appearance(load(name), description)
+    setup, priors = _setup_of(episodes), () if description is None else description.priors
     subject, pushes, tables = subject_of(known, setup), list[Push](), dict[int, Cloud]()
     for path in dict.fromkeys(paths):
         _look(path, [episode for episode in episodes if episode.path == path], known, subject.low_m)
@@ -65,11 +71,17 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
             tables[number] = bare
     if not pushes:
         raise RecordingError(f"{_list(paths)}: no finished push to learn from; record some with `dipac run {name}`.")
-    study = Study(task=name, pushes=tuple(pushes), tables=tables, setup=setup)
+    study = Study(task=name, pushes=tuple(pushes), tables=tables, setup=setup, priors=priors)
     if setup is not None and setup.camera_m is not None:
         return replace(study, camera=setup.camera_m)
     camera = _camera(paths)
     return study if camera is None else replace(study, camera=camera)
+
+
+def _object_of(episodes: Sequence["_Recorded"]) -> ObjectDescription | None:
+    """The object that the first recording with a description describes."""
+    found = (recorded_object(each.episode.config) for each in episodes)
+    return next((each for each in found if each is not None), None)
 
 
 def _import(config: str) -> dict[str, Any]:

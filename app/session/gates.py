@@ -13,7 +13,7 @@ from app.core.messages import ArmState, ResumeRequest, fresh_id
 from app.core.ports import Arm, Clock, Rig
 from app.session.perception_stage import Sensing
 from app.session.rules import found_item
-from app.session.state import Inspection, PauseEnd, Resumption
+from app.session.state import HandRefusal, Inspection, PauseEnd, Resumption
 from app.session.store import SessionStore
 
 _PERIOD_S: Final = 0.5
@@ -37,6 +37,19 @@ class StopLatch:
             self._announcer.notice("stop", str(error))
         else:
             self._store.dispatch(Resumption(request.operator, self._clock.now()))
+
+    async def hand_over(self) -> None:
+        """Lift the stop of whoever takes over, and no later one: what follows is made by hand."""
+        taken = self._store.state.taken
+        if taken is None:
+            return
+        try:
+            await self._arm.reset(asked_s=taken.time_s)
+        except DeviceError as error:
+            self._store.dispatch(HandRefusal(str(error)))
+        else:
+            if self._store.state.taken is taken:
+                self._store.dispatch(Resumption(taken.operator, self._clock.now()))
 
     async def wait(self, do: Callable[[str], None]) -> None:
         """Wait until the operator resumes, if something stopped; for ever, unless the run is unattended."""

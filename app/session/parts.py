@@ -20,6 +20,8 @@ from app.session.reporting import Reporting
 from app.session.requests.calibrating import Calibrating
 from app.session.requests.demonstrating import Demonstrating
 from app.session.requests.goals import Aiming
+from app.session.requests.measuring import Measuring
+from app.session.requests.requested_motions import RequestedMotionProposals
 from app.session.state import SessionState
 from app.session.store import SessionStore
 from app.session.suggested_push import Probing
@@ -70,6 +72,8 @@ class Parts:
         self.reporting = Reporting(site, rig, self.summary, *by)
         self.aiming = Aiming({each.model.name: each.model for each in rig.cameras}, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
+        self.measuring = Measuring(self.sensing, *by, computers)
+        self.requested_motions = RequestedMotionProposals(site, rig.arm, planner, studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by, computers)
 
 

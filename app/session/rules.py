@@ -8,7 +8,7 @@ from typing import Final
 
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
-from app.core.dialogue.requests import EditRequest
+from app.core.dialogue.requests import EditRequest, HandRequest
 from app.core.messages import Decision, MessageId, Model, StopRequest
 from app.session.state import (
     FUTILE_PLANS,
@@ -27,12 +27,14 @@ from app.session.state import (
     ModeChoice,
     ModelUpdate,
     MotionEnd,
+    MotionsRequest,
     Observation,
     Offer,
     PauseEnd,
     PlanAssessment,
     Reconfiguration,
     Reduced,
+    RequestedEnd,
     Resumption,
     SessionState,
     UnaskedMotion,
@@ -84,6 +86,12 @@ def reduce(state: SessionState, event: Event) -> Reduced:
             return _on_observation(state, event)
         case UnaskedMotion():
             return _count_motion(state)
+        case MotionsRequest():
+            return _on_motions_request(state, event)
+        case RequestedEnd():
+            return _on_requested_end(state, made=event.made)
+        case HandRequest():
+            return _on_hand(state, event)
         case Failure():
             return _set_mode(state, "idle", "something failed; see the messages, then choose a mode")
         case HandRefusal():
@@ -93,8 +101,9 @@ def reduce(state: SessionState, event: Event) -> Reduced:
         case PauseEnd():
             return Reduced(replace(state, goes_on=False, pauses=state.pauses + 1))
         case Resumption():
-            state = replace(state, stopped=False, resumed_s=event.now_s, tried=state.pressed)
-            return Reduced(state, (Announce("stop", f"Resumed by {event.operator}."),))
+            said = "Resumed by {}." if state.taken is None else "The tool heeds the hand of {} now."
+            state = replace(state, stopped=False, resumed_s=event.now_s, tried=state.pressed, taken=None)
+            return Reduced(state, (Announce("stop", said.format(event.operator)),))
         case Inspection():
             return _on_inspection(state, event.items)
 
@@ -127,7 +136,16 @@ def _refusal(state: SessionState, request: ModeRequest) -> str:
 
 def _set_mode(state: SessionState, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> Reduced:
     """Change to `mode`; what waits under the old one is given up."""
+    if mode == "teleoperate" != state.mode:
+        state = replace(state, before_hand=_mode_after_hand(state))
     return Reduced(_leave_mode(replace(state, mode=mode, why=why, motions=motions)), (AnnounceMode(cause),))
+
+
+def _mode_after_hand(state: SessionState) -> ModeName:
+    """The mode to go back to: not one in which motions are made without approval, unless the program began in it."""
+    if state.requested is not None and state.requested.resting:
+        return "idle"
+    return "approve each" if state.mode == "automatic" and not state.config.automatic else state.mode
 
 
 def _leave_mode(state: SessionState) -> SessionState:
@@ -135,7 +153,7 @@ def _leave_mode(state: SessionState) -> SessionState:
 
 
 def _interrupt(state: SessionState, why: str) -> SessionState:
-    return replace(state, interruptions=state.interruptions + 1, interrupted=why)
+    return replace(state, interruptions=state.interruptions + 1, interrupted=why, requested=None)
 
 
 def _on_lease(state: SessionState, lease: Lease) -> Reduced:
@@ -192,6 +210,56 @@ def _on_assessment(state: SessionState, event: PlanAssessment) -> Reduced:
     return Reduced(state, (notice, *commands))
 
 
+# Motions that an operator asks for: in the mode in which each is approved, to which a session goes from rest for them.
+
+
+def _on_motions_request(state: SessionState, event: MotionsRequest) -> Reduced:
+    requested = event.requested
+    if state.mode not in ("idle", "approve each") or state.stopped:
+        why = "A stop is in force: press Resume first." if state.stopped else "Choose 'Approve each' first."
+        return Reduced(
+            state, (Announce("motion", f"Nothing is offered for what you asked for. {why}", (event.cause,)),)
+        )
+    resting = state.mode == "idle"
+    if resting:
+        state, commands = _set_mode(state, "approve each", f"{requested.operator} asked for a motion", event.cause)
+    else:
+        state, commands = _interrupt(state, "gives way to what was asked for"), ()
+    return Reduced(replace(state, requested=requested._replace(resting=resting)), commands)
+
+
+def _on_requested_end(state: SessionState, *, made: bool) -> Reduced:
+    """Go on with the next one; after the last one, or one that was not made, as before."""
+    requested = state.requested
+    if requested is None:
+        return Reduced(state)
+    later = requested.demonstration[1:]
+    if made and later:
+        return Reduced(replace(state, requested=requested._replace(demonstration=later)))
+    if not requested.resting:
+        return Reduced(replace(state, requested=None))
+    return _set_mode(state, "idle", "what was asked for is made" if made else "what was asked for is given up")
+
+
+# The hand: it takes over from a motion that is made, and gives back to the mode before.
+
+
+def _on_hand(state: SessionState, request: HandRequest) -> Reduced:
+    if request.act == "give":
+        if state.mode != "teleoperate":
+            said = "The tool is not moved by hand; there is nothing to give back."
+            return Reduced(state, (Announce("mode", said, (request.id,)),))
+        mode, why = state.before_hand, f"{request.operator} gave it back"
+        if mode == "automatic":  # The program began in it, on nobody's behalf.
+            return _set_mode(replace(state, holder=""), mode, why, request.id, motions=state.config.pushes)
+        return _set_mode(replace(state, holder=request.operator), mode, why, request.id)
+    if state.stopped:
+        said = "A stop is in force: press Resume, then choose 'By hand'."
+        return Reduced(state, (Announce("mode", said, (request.id,)),))
+    state, commands = _set_mode(state, "teleoperate", f"{request.operator} took over by hand", request.id)
+    return Reduced(replace(state, holder=request.operator, stopped=True, goes_on=False, taken=request), commands)
+
+
 # Models: version numbers of those in use only grow, whoever made them.
 
 
@@ -222,9 +290,13 @@ def _numbered_model(state: SessionState, model: Model) -> Model:
 
 def _stop_motion(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
     """Forbid motion until somebody resumes, and void the plan that is shown."""
-    state = replace(state, stopped=True, goes_on=goes_on and state.config.automatic and state.pauses < _MOST_PAUSES)
+    resting = state.requested is not None and state.requested.resting
+    goes_on = goes_on and state.config.automatic and state.pauses < _MOST_PAUSES
+    state = replace(state, stopped=True, goes_on=goes_on, taken=None)
     state, commands = _interrupt(state, "was made before the stop; planning again"), ()
-    if state.mode == "automatic" and state.holder:
+    if resting:
+        state, commands = _set_mode(state, "idle", "the arm was stopped")
+    elif state.mode == "automatic" and state.holder:
         state, commands = _set_mode(state, "approve each", "the arm was stopped")
     until = f" within {UNATTENDED_S:.0f} s" if state.config.automatic else ""
     onward = f"Press Resume in the console{until} to go on."
@@ -240,6 +312,8 @@ def _on_motion_end(state: SessionState, event: MotionEnd) -> Reduced:
         return Reduced(replace(state, pauses=0))
     if executed.time_s <= state.resumed_s:
         return Reduced(state)
+    if state.taken is not None:
+        return Reduced(state, (Announce("arm", f"The motion ended where {state.taken.operator} took over."),))
     own = executed.outcome == "stopped" and not event.held
     return _stop_motion(state, executed.reason, goes_on=own and not state.stopped)
 
@@ -259,6 +333,8 @@ def _not_shown(decision: Decision) -> Announce:
 
 
 def _on_edit(state: SessionState, request: EditRequest) -> Reduced:
+    if state.requested is not None:
+        return Reduced(state, (Announce("edit", "A motion that was asked for is made as it is, or not at all."),))
     if state.shown_plan(request.proposal_id) is not None:
         return Reduced(state)
     return Reduced(state, (Announce("edit", f"{request.proposal_id} is not the plan shown; edit the one that is."),))

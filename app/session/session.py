@@ -12,6 +12,7 @@ from anyio.abc import TaskGroup
 
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeRequest
+from app.core.dialogue.requests import HandRequest
 from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, first_error
 from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
@@ -64,7 +65,7 @@ class Session:
             await it.announcer.room()  # However fast somebody asks, the log keeps up.
             it.announcer.say(request)
             match request:
-                case Decision() | StopRequest() | EndRequest() | Lease():
+                case Decision() | StopRequest() | EndRequest() | Lease() | HandRequest():
                     it.store.dispatch(request)
                 case ModeRequest():
                     it.store.dispatch(ModeChoice(request, it.summary.pushes))

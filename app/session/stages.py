@@ -3,6 +3,7 @@
 from typing import Final, NamedTuple, final
 
 from app.core.dialogue.approval import AUTOMATIC, Approved
+from app.core.dialogue.requests import is_requested
 from app.core.errors import MotionRefused
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Executed, Particles, Proposal, Transition
@@ -11,7 +12,15 @@ from app.session.loop import go_round
 from app.session.model_monitor import ExecutedPush
 from app.session.parts import Parts
 from app.session.planning import FAILURES_IN_A_ROW
-from app.session.state import HandRefusal, MotionEnd, Observation, PlanAssessment, UnaskedMotion
+from app.session.state import (
+    HandRefusal,
+    MotionEnd,
+    Observation,
+    PlanAssessment,
+    RequestedEnd,
+    RequestedMotions,
+    UnaskedMotion,
+)
 
 _GAIN: Final = 0.05
 """Share of the Chamfer distance by which a branch has to bring the object nearer where it costs more than no motion:
@@ -48,6 +57,7 @@ class SessionStages:
         self.acts = False
         self._began_s = self._touched_s = parts.clock.now()
         self._attempts = self._refused = 0
+        self._moved_s = self._began_s
         self._observed: Particles | None = None
 
     async def observe(self) -> Particles | None:
@@ -61,6 +71,8 @@ class SessionStages:
             observed = self._observed or await self._look()
         if self._store.state.interruptions != asked:  # As they are with the mode.
             return None
+        if self._store.state.requested is not None:  # Whether the goal is reached does not matter to it.
+            return observed
         state, summary, active = self._store.state, parts.summary, parts.probing.active
         summary.reached = state.config.is_reached(observed, parts.rig.arm.tool()) and not active
         seen = Observation(summary.reached, summary.pushes, active, parts.probing.conclusion())
@@ -71,6 +83,8 @@ class SessionStages:
         parts, state = self._parts, self._store.state
         parts.reporting.do("planning")
         config, asked = state.config, state.interruptions
+        if state.requested is not None:
+            return await self._requested(state.requested, observed)
         seeds = (config.seed, parts.summary.pushes, self._attempts)
         tool = parts.rig.arm.tool()
         proposal = await parts.planning.proposal(config, observed, state.model_in_use, tool, seeds, at=asked)
@@ -95,7 +109,10 @@ class SessionStages:
         target = state.config.target
         decision, approved = await parts.approving.wait_for_decision(plan)
         if decision is not None and (approved or not decision.approve):
-            parts.planning.on_decision(plan, approved=approved is not None)
+            if not is_requested(plan):
+                parts.planning.on_decision(plan, approved=approved is not None)
+            elif approved is None:
+                self._store.dispatch(RequestedEnd(made=False))
         self._invalidate_observations()
         return None if approved is None else Leave(plan, approved, parts.sensing.particles.value, target)
 
@@ -107,12 +124,18 @@ class SessionStages:
         self.acts = True
         executed = await self._execute(leave.approved) if not self._store.state.ended else None
         self._invalidate_observations()
+        self._moved_s = self._touched_s
+        if is_requested(leave.proposal) and (executed is None or executed.outcome != "completed"):
+            self._store.dispatch(RequestedEnd(made=False))
         return None if executed is None else ExecutedPlan(leave, executed)
 
     async def learn(self, made: ExecutedPlan) -> None:
         """Look at what came of it; score it, and learn from it where it was made to its end."""
         (proposal, approved, before, target), executed = made
         parts = self._parts
+        if is_requested(proposal):
+            await self._learn_of_requested(made)
+            return
         if before and executed.outcome == "completed":
             after = self._observed = await self._look()
             parts.planning.keep_prediction(proposal)
@@ -125,6 +148,35 @@ class SessionStages:
                 await parts.learning.put(transition)
         if approved.operator == AUTOMATIC:
             self._store.dispatch(UnaskedMotion())
+
+    async def _requested(self, requested: RequestedMotions, observed: Particles) -> Proposal | None:
+        """The motion that was asked for, as a plan; what was asked for ends where it fits no more."""
+        parts, state = self._parts, self._store.state
+        proposal = await parts.requested_motions.proposal(requested, state.config, observed, state.model_in_use)
+        self._invalidate_observations()
+        if self._store.state.interruptions != state.interruptions:
+            if proposal is not None:
+                parts.announcer.notice("plan", f"{proposal.id} {self._store.state.interrupted}.", proposal.id)
+            return None
+        if proposal is None:
+            self._store.dispatch(RequestedEnd(made=False))
+            return None
+        return None if parts.approving.moved_away(proposal) else proposal
+
+    async def _learn_of_requested(self, made: ExecutedPlan) -> None:
+        """Learn from a motion of a demonstration as from one by hand: it is not scored."""
+        (proposal, _, before, _), executed = made
+        parts = self._parts
+        if executed.outcome != "completed":
+            return
+        if proposal.chosen.origin == "shown":
+            parts.planning.discard_prediction()
+            after = self._observed = await self._look()
+            if before and self._store.state.config.answering:
+                transition, model = self._note_transition(before, executed, after), self._store.state.model
+                await parts.watching.put(ExecutedPush(proposal, transition, model))
+                await parts.learning.put(transition)
+        self._store.dispatch(RequestedEnd(made=True))
 
     async def turn(self) -> None:
         """One turn of the mode; whatever ends it, nothing is made any more."""
@@ -143,6 +195,7 @@ class SessionStages:
     async def _by_hand(self) -> None:
         """Record the operator's jogging, from rest to rest, and learn from it like from any motion."""
         parts = self._parts
+        await parts.latch.hand_over()
         with self._store.in_this_mode() as lasting:
             await parts.preflight.wait_by_hand(parts.reporting.do)
             await parts.latch.wait(parts.reporting.do)
@@ -163,10 +216,11 @@ class SessionStages:
         parts = self._parts
         parts.planning.discard_prediction()
         self._store.dispatch(MotionEnd(executed, parts.rig.arm.held))
-        before = parts.sensing.before(executed.times_s[0])
-        # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing.
+        before, moved_s, self._moved_s = parts.sensing.before(executed.times_s[0]), self._moved_s, self._touched_s
+        # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing; nor does
+        # what was seen while something else still moved the object.
         known = self._store.state.config.answering and self._store.state.passed
-        if known and before and executed.outcome == "completed":
+        if known and before and before.time_s >= moved_s and executed.outcome == "completed":
             parts.reporting.do("looking at what was done by hand")
             self._observed = await self._look()
             await parts.learning.put(self._note_transition(before, executed, self._observed))

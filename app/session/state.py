@@ -6,8 +6,8 @@ from typing import Final, Literal, NamedTuple, TypeAlias, final
 
 from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
-from app.core.dialogue.requests import EditRequest, ModelRequest
-from app.core.messages import Decision, Executed, MessageId, Model, Proposal, StopRequest
+from app.core.dialogue.requests import EditRequest, HandRequest, ModelRequest
+from app.core.messages import Decision, Executed, MessageId, Model, Proposal, StopRequest, Transition
 from app.core.types import Points
 from app.tasks.elements.base import EpisodeConfig
 
@@ -22,6 +22,19 @@ PAUSE_S: Final = 5.0
 
 
 @final
+class RequestedMotions(NamedTuple):
+    """Motions that an operator asked for, and no planner chose; each is shown, approved and checked like any other.
+
+    `demonstration`: those of one that are still to be made, the next one first; empty for the way to the start pose.
+    `resting`: the session was idle, and is so again afterwards.
+    """
+
+    operator: str
+    demonstration: tuple[Transition, ...] = ()
+    resting: bool = False
+
+
+@final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SessionState:
     """All that the rules depend on.
@@ -31,6 +44,9 @@ class SessionState:
     `interruptions` counts the times that plans became void, the last time because the plan `interrupted`.
     `pending`: the plan that a decision is waited for; `decision`: the first one on it. `pushes_before`: pushes made
     before the present mode was asked for. `futile`: plans in a row that were no better than no motion.
+
+    `requested`: what is offered before any plan; whatever makes plans void ends it. `before_hand`: the mode to go back
+    to from moving by hand; `taken`: the request of whoever takes over from a motion, until the arm heeds the hand.
 
     `stopped`: nothing moves until somebody resumes; `tried`: STOP was `pressed` in this session, and lifted.
     A run without an operator is unattended: after a stop that nobody pressed, most often of a computer that is too
@@ -57,6 +73,10 @@ class SessionState:
     decision: Decision | None = None
     pushes_before: int = 0
     futile: int = 0
+
+    requested: RequestedMotions | None = None
+    before_hand: ModeName = "idle"
+    taken: HandRequest | None = None
 
     stopped: bool = False
     resumed_s: float
@@ -180,6 +200,21 @@ class UnaskedMotion(NamedTuple):
 
 
 @final
+class MotionsRequest(NamedTuple):
+    """Motions are asked for, and can be made from here; `cause`: the operator's request."""
+
+    requested: RequestedMotions
+    cause: MessageId
+
+
+@final
+class RequestedEnd(NamedTuple):
+    """The requested motion that was due is over: made to its end, or given up."""
+
+    made: bool
+
+
+@final
 class Failure(NamedTuple):
     """A turn failed in a session that goes on."""
 
@@ -244,7 +279,10 @@ Event: TypeAlias = (
     | PlanAssessment
     | Observation
     | UnaskedMotion
+    | MotionsRequest
+    | RequestedEnd
     | Failure
+    | HandRequest
     | HandRefusal
     | MotionEnd
     | PauseEnd

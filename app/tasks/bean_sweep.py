@@ -5,7 +5,7 @@ from math import ceil, pi, sqrt
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Beans, Stage
+from app.core.geometry.scene_description import Beans, Body, Stage
 from app.core.geometry.shapes.fixtures import Mat
 from app.core.geometry.shapes.tools import Paddle
 from app.perception.reconstruct import Reconstruction
@@ -15,7 +15,8 @@ from app.planner.search.optimise import OptimizerConfig
 from app.policy.scripted_sweep import ScriptedSweep
 from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
-from app.sim.model.scene import Body, Scene
+from app.sim.model.scene import Body as Matter
+from app.sim.model.scene import Scene
 from app.sim.tools.box import BoxCollider
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.scatter import BeanProblems
@@ -45,10 +46,10 @@ SWEEPS = Sweeps(
 PROBLEMS = BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065)
 
 
-def _material(beans: Beans) -> Body:
+def _material(beans: Beans) -> Matter:
     """The beans as one granular body."""
     volume_m3 = beans.count * pi * beans.radius_m**2 * (beans.length_m - 2 / 3 * beans.radius_m)
-    return Body(
+    return Matter(
         volume_m3=volume_m3,
         density_kg_m3=beans.mass_kg / volume_m3,
         material=Granular(friction_angle_deg=38.0),
@@ -56,8 +57,9 @@ def _material(beans: Beans) -> Body:
     )
 
 
-def _with_beans(beans: Beans) -> Task:
+def _with_beans(beans: Body) -> Task:
     """The same task with these beans: waves are faster in what is lighter, and time steps as much shorter."""
+    assert isinstance(beans, Beans)
     material = _material(beans)
     slower = min(1.0, sqrt(material.density_kg_m3 / _material(BEANS).density_kg_m3))
     sweep, rest = (ceil(count / slower) for count in (SWEEPS.sweep_substeps, SWEEPS.rest_substeps))
@@ -98,7 +100,7 @@ TASK = Task(
     success=OnMat(mat=MAT, enough=0.9),
     stop_when=OnMat(mat=MAT, enough=0.98),
     horizon=20,
-    with_beans=_with_beans,
+    with_body=_with_beans,
     time_scale=7.0,
     presets=MappingProxyType(
         {

@@ -37,5 +37,6 @@ TASK = replace(
     problems=SoupProblems(soup=SOUP, seen=SWIMMING, held=HELD, target=TARGET, home_m=HOME_M),
     success=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.80),
     # A millimetre of its level, by which cameras err, is 7 % of what is poured.
+    with_body=None,
     stop_when=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.88),
 )

@@ -4,10 +4,11 @@ The paper's 6-D actions of 100 steps are planned ten steps at a time: a decision
 for half a second, and then waits for what flows. So an episode has about ten decisions, and none begins in a splash.
 """
 
+from dataclasses import replace
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Liquid, Stage
+from app.core.geometry.scene_description import Body, Liquid, Stage
 from app.core.geometry.shapes.fixtures import Bowl
 from app.core.geometry.shapes.tools import HeldBowl
 from app.perception.body.vessels import Vessel
@@ -30,6 +31,19 @@ PARTICLES = 300
 HOME_M = (0.34, 0.0, 0.25)
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
 LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
+
+
+def _with_liquid(liquid: Body) -> Task:
+    """The task with this liquid in the same bowls."""
+    assert isinstance(liquid, Liquid)
+    return replace(
+        TASK,
+        stage=replace(TASK.stage, body=liquid),
+        perception=replace(TASK.perception, colour=ColourRange.around(liquid.colour), volume_m3=liquid.volume_m3),
+        scene=pouring_scene(liquid, HELD, TARGET, particle_count=PARTICLES),
+        problems=PouringProblems(liquid=liquid, held=HELD, target=TARGET, home_m=HOME_M),
+    )
+
 
 TASK = Task(
     name="pour_water",
@@ -76,6 +90,7 @@ TASK = Task(
     # A millimetre of its level, by which cameras err, is 7 % of what is poured.
     stop_when=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.92),
     horizon=14,
+    with_body=_with_liquid,
     presets=MappingProxyType(
         {
             "cpu": Preset(branches=8, depth=2, particle_count=PARTICLES, gradient_steps=3),

@@ -18,11 +18,13 @@ from app.ui.parts.text import Text
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
 from app.ui.tabs import model_monitor_panel
+from app.ui.tabs.by_hand import HandForm
 from app.ui.tabs.cell import CellTab
 from app.ui.tabs.checklist import ChecklistForm
 from app.ui.tabs.demonstrations import DemonstrationForm
 from app.ui.tabs.modelling import ModelTab
 from app.ui.tabs.modes import EndButton, ModeForm
+from app.ui.tabs.object_wizard import ObjectTab
 from app.ui.tabs.probing import ProbeForm
 from app.ui.view.scene import ConsoleScene
 
@@ -47,9 +49,11 @@ class Panel:
         self._checklist = ChecklistForm(self._gui, controller) if commands else None
         self._decision = DecisionForm(self._gui, controller) if commands else None
         self._modes: ModeForm | None = None
+        self._by_hand: HandForm | None = None
         if commands:
             with self._gui.add_folder("Mode"):
                 self._modes = ModeForm(self._gui, controller)
+                self._by_hand = HandForm(self._gui, controller)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, controller.now()))
         self._demonstrations: DemonstrationForm | None = None
@@ -72,12 +76,16 @@ class Panel:
             self._decision.paint(state, now_s)
         if self._modes is not None:
             self._modes.paint(state)
+        if self._by_hand is not None:
+            self._by_hand.paint(state)
         if self._demonstrations is not None:
             self._demonstrations.paint(state)
         if self._goal is not None:
             self._goal.paint(state)
         if self._placing is not None:
             self._placing.paint(state)
+        if self._object is not None:
+            self._object.paint(state)
         self._plan.put(cards.plan(state, now_s, self._drift.since(state)))
         self._plans.paint(state)
         self._watch.put(model_monitor_panel.watch(state))
@@ -109,9 +117,12 @@ class Panel:
             self._cell = CellTab(server, controller, self._scene)
         self._goal: GoalTab | None = None
         self._placing: PlacingTab | None = None
+        self._object: ObjectTab | None = None
         if commands:
             with side.add_tab("Goal", viser.Icon.TARGET):
                 self._goal = GoalTab(server, controller)
+            with side.add_tab("Object", viser.Icon.RULER_MEASURE):
+                self._object = ObjectTab(self._gui, controller, Path.cwd())
             with side.add_tab("Calibrate", viser.Icon.GRID_DOTS):
                 self._placing = PlacingTab(server, controller)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):

@@ -24,7 +24,7 @@ _SIZES: Final = 11
 
 
 def drawn_sizes(seed: int, *, flat: float = 0.0) -> dict[str, float]:
-    """Sizes by their names in `elements.sizes.SIZES`; with a chance of `flat` the finger is a gripper at any yaw."""
+    """Sizes by their names in `object_description.SIZES`; with a chance of `flat` the finger is flat, at any yaw."""
     rng = np.random.default_rng([seed, _SIZES])
     sizes = {
         "radius_m": rng.uniform(*RADIUS_M),

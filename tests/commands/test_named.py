@@ -1,13 +1,15 @@
 """Task that a command line names: the sizes of its object, and the dynamics that simulate it."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from app.commands._named import full_name, read_sizes
+from app.commands._named import full_name
 from app.core.errors import UsageError
 from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import load_model, save_model
+from app.recording.exchange.object_file import load_object
 
 ROPE = "length_m = 0.3\nradius_m = 0.006\n"
 
@@ -18,6 +20,10 @@ def file(folder: Path, text: str) -> Path:
     return path
 
 
+def sizes_of(folder: Path, text: str) -> Mapping[str, float]:
+    return load_object(file(folder, text)).sizes
+
+
 def test_a_rope_is_simulated_as_a_rod_where_nobody_says_otherwise():
     assert full_name("rope_push", dynamics=None) == "rope_push@rods"
     assert full_name("rope_push", dynamics="mpm") == "rope_push"
@@ -25,7 +31,7 @@ def test_a_rope_is_simulated_as_a_rod_where_nobody_says_otherwise():
 
 
 def test_sizes_come_from_a_file_and_go_with_the_name(tmp_path: Path):
-    name = full_name("rope_push", dynamics=None, sizes=file(tmp_path, ROPE))
+    name = full_name("rope_push", dynamics=None, sizes=sizes_of(tmp_path, ROPE))
     assert name == "rope_push(length_m=0.3,radius_m=0.006)@rods"
 
 
@@ -43,20 +49,27 @@ def test_a_model_of_other_dynamics_is_refused_with_those_to_name(tmp_path: Path)
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("lenght_m = 0.3", "length_m"), ("length_m = true", "no number"), ("length_m", "no TOML"), ("x = 1", "Known")],
+    [
+        ("lenght_m = 0.3", "length_m"),
+        ("length_m = true", "no number"),
+        ("length_m", "no object"),
+        ("x = 1", "Known"),
+    ],
 )
 def test_a_file_that_says_no_sizes_is_refused(tmp_path: Path, text: str, said: str):
     with pytest.raises(UsageError, match=said):
-        read_sizes(file(tmp_path, text))
+        load_object(file(tmp_path, text))
 
 
 def test_impossible_sizes_and_contradictions_are_refused(tmp_path: Path):
     with pytest.raises(UsageError, match="radius_m"):
-        full_name("rope_push", dynamics=None, sizes=file(tmp_path, "radius_m = 0.1"))
+        full_name("rope_push", dynamics=None, sizes=sizes_of(tmp_path, "radius_m = 0.1"))
     with pytest.raises(UsageError, match="leave --object out"):
-        full_name("cloth_hang", dynamics=None, sizes=file(tmp_path, ROPE))
+        full_name("rod_to_rope", dynamics=None, sizes=sizes_of(tmp_path, ROPE))
+    with pytest.raises(UsageError, match="Known: mass_kg, size_m"):
+        full_name("cloth_hang", dynamics=None, sizes=sizes_of(tmp_path, ROPE))
     with pytest.raises(UsageError, match="Known: count, mass_kg"):
-        full_name("bean_sweep", dynamics=None, sizes=file(tmp_path, ROPE))
+        full_name("bean_sweep", dynamics=None, sizes=sizes_of(tmp_path, ROPE))
     with pytest.raises(UsageError, match="contradicts"):
         full_name("rope_push@rods", dynamics="mpm")
     with pytest.raises(UsageError, match="Unknown dynamics"):
@@ -64,7 +77,7 @@ def test_impossible_sizes_and_contradictions_are_refused(tmp_path: Path):
 
 
 def test_a_file_of_sizes_leaves_the_dynamics_and_other_sizes_as_they_are_named(tmp_path: Path):
-    sizes = file(tmp_path, "length_m = 0.3")
+    sizes = sizes_of(tmp_path, "length_m = 0.3")
     assert full_name("rope_push@mpm", dynamics=None, sizes=sizes) == "rope_push(length_m=0.3)"
     assert full_name("rope_push(radius_m=0.006)", dynamics=None, sizes=sizes) == (
         "rope_push(length_m=0.3,radius_m=0.006)@rods"

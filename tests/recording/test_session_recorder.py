@@ -16,8 +16,8 @@ from anyio import to_thread
 
 from app.__main__ import main
 from app.core.dialogue.control import Mode
-from app.core.errors import PreflightError, RecordingError
-from app.core.messages import Episode, Frame, Goal, Message, MessageId, Model, Notice
+from app.core.errors import PreflightError, RecordingError, UsageError
+from app.core.messages import Episode, Frame, Goal, Message, MessageId, Model, Notice, Transition
 from app.core.ports import Recorder
 from app.core.ports import Studio as Port
 from app.recording.format import digests
@@ -97,6 +97,25 @@ async def test_a_demonstration_holds_its_opening_and_exactly_what_was_said_while
     assert began.id != episode.id
     assert json.loads(began.config) == {"preset": "cpu", "demonstration": 1, "session": studio.path.name}
     assert replace(began, id=episode.id, time_s=episode.time_s, config=episode.config).rig == episode.rig
+
+
+async def test_a_demonstration_is_read_again_by_its_name_in_the_sessions_folder_and_no_other_file(
+    make: Maker, tmp_path: Path, episode: Episode, opening: list[Message]
+) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    async with open_studio(folder, episode, Room()) as studio:
+        path = await studio.begin(lambda: opening)
+        moved = [make(Transition, cause=()) for _ in range(2)]
+        await write(studio, moved)
+        await studio.end("success", operator="Ada")
+        task, transitions = await studio.demonstration(path.name)
+        assert task == "rope_push"
+        assert ids(transitions) == ids(moved)
+        (tmp_path / "other.mcap").write_bytes(path.read_bytes())
+        for named in ("../other.mcap", str(tmp_path / "other.mcap"), "none.mcap", "", ".", "a\0.mcap"):
+            with pytest.raises(UsageError, match="There is no demonstration"):
+                await studio.demonstration(named)
 
 
 async def test_what_was_on_its_way_as_a_demonstration_began_is_in_it_once(

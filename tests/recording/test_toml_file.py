@@ -7,11 +7,11 @@ import pytest
 
 from app.cells.cell_file import load_cell
 from app.cells.gen3 import calibration_of
-from app.commands._named import read_sizes
 from app.core.errors import DipacError, ParameterError, RecordingError
 from app.jobs.worker_api import check_model, nominal_model
 from app.recording.exchange.calibration_file import load_lens
 from app.recording.exchange.model_file import load_model, save_model
+from app.recording.exchange.object_file import load_object
 
 CELL = """
 schema = 1
@@ -38,10 +38,20 @@ cx = 319.5
 cy = 239.5
 distortion = [0.1, 0.2, 0.3, 0.4, 0.5]
 """
+OBJECT = """
+length_m = 0.32
+kind = "rope"
+colour = "#2a7a3a"
+[priors.table_friction]
+value = 0.3
+low = 0.2
+high = 0.5
+"""
 READERS = {
     "cell": (CELL, load_cell),
     "camera": (CAMERA, load_lens),
-    "sizes": ("length_m = 0.3\n", read_sizes),
+    "sizes": ("length_m = 0.3\n", load_object),
+    "object": (OBJECT, load_object),
     "model": (None, lambda path: load_model(path, task="rope_push", time_s=0.0)),
 }
 

@@ -28,6 +28,7 @@ from app.core.messages import (
     StopRequest,
     fresh_id,
 )
+from app.core.ports import Studio
 from app.core.system.channel import Lossless
 from app.session import Parts, Session
 from app.tasks.elements.base import EpisodeConfig, Preset
@@ -216,7 +217,7 @@ class MemoryLog:
 class Run:
     """A session in a small cell, with all that is around it."""
 
-    def __init__(self, config: EpisodeConfig, site: Site, rig: SmallRig) -> None:
+    def __init__(self, config: EpisodeConfig, site: Site, rig: SmallRig, studio: Studio | None = None) -> None:
         self.site, self.rig = site, rig
         self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), planner_here()
         self.session = Session(
@@ -229,6 +230,7 @@ class Run:
                 clock=VirtualClock(),
                 planner=self.planner,
                 computers=worker_here,
+                studio=studio,
             )
         )
         self._error: Exception | None = None
@@ -269,9 +271,10 @@ async def running(
     place: Place = "here",
     habits: Habits | None = None,
     rig: SmallRig | None = None,
+    studio: Studio | None = None,
 ) -> AsyncGenerator[Run]:
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
-    run = Run(config, site, rig or SmallRig(site))
+    run = Run(config, site, rig or SmallRig(site), studio)
     run.rig.table.place = place
     with restored():
         await run.plans_with(habits or Habits())

@@ -76,7 +76,10 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
         compiling = SimpleNamespace(name="strokes", run=lambda: None)
         return [compiling] if habits.compiling_s else []
 
-    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of)
+    def advance(task: str, particle_count: int) -> Callable[..., Points]:
+        return lambda phi, x, path: x
+
+    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, advance=advance, needs=lambda task, phi: ())
     rope_orientation = SimpleNamespace(oriented_phi=_phi_of, track_orientation=_unchanged)
     warming_up = SimpleNamespace(stages=stages)
     for name, module in zip(_LOADED, (compiled, rope_orientation, warming_up), strict=True):

@@ -8,7 +8,7 @@ import pytest
 
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
-from app.core.dialogue.requests import EditRequest, ModelRequest
+from app.core.dialogue.requests import EditRequest, HandRequest, ModelRequest
 from app.core.messages import Decision, Goal, Model, StopRequest, fresh_id
 from app.session.rules import found_item, reduce
 from app.session.state import (
@@ -26,12 +26,15 @@ from app.session.state import (
     ModeChoice,
     ModelUpdate,
     MotionEnd,
+    MotionsRequest,
     Observation,
     Offer,
     PauseEnd,
     PlanAssessment,
     Reconfiguration,
     Reduced,
+    RequestedEnd,
+    RequestedMotions,
     Resumption,
     SessionState,
     UnaskedMotion,
@@ -446,3 +449,93 @@ def test_there_are_no_other_items_and_open_ones_are_named() -> None:
     assert "Still open: all of it" in CLOSED.blocked_reason
     assert "Nobody is near" in after(CLOSED, found()).state.blocked_reason
     assert state().blocked_reason == ""
+
+
+# Motions that an operator asks for, and the hand
+
+
+def asked(*motions: Any) -> MotionsRequest:
+    return MotionsRequest(RequestedMotions("ann", motions), fresh_id("asked"))
+
+
+def hand(act: Any) -> HandRequest:
+    return HandRequest(id=fresh_id("hand"), time_s=12.0, operator="ann", act=act)
+
+
+def test_what_is_asked_for_voids_the_plan_and_is_due_until_it_is_made() -> None:
+    shown = tuple(synthetic.transition(synthetic.rope(0.1), synthetic.rope(bend)) for bend in (0.2, 0.3))
+    new = after(state(), Offer(PLAN), asked(*shown)).state
+    assert (new.interrupted, new.mode) == ("gives way to what was asked for", "approve each")
+    assert new.requested is not None
+    assert new.requested.demonstration == shown
+    new = after(new, RequestedEnd(made=True)).state
+    assert new.requested is not None
+    assert new.requested.demonstration == shown[1:]
+    assert after(new, RequestedEnd(made=True)).state.requested is None
+    assert after(new, RequestedEnd(made=False)).state.requested is None
+    begin = state()
+    assert after(begin, RequestedEnd(made=True)) == Reduced(begin)
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_a_session_at_rest_approves_what_was_asked_for_and_rests_again(made: bool) -> None:
+    begun = after(state(mode="idle"), asked())
+    assert begun.state.mode == "approve each"
+    assert isinstance(begun.commands[0], AnnounceMode)
+    ended = after(begun.state, RequestedEnd(made=made)).state
+    assert (ended.mode, ended.requested) == ("idle", None)
+    assert after(begun.state, stop()).state.mode == "idle"
+
+
+@pytest.mark.parametrize("event", [stop(), chosen("plan only"), Interruption("is void"), hand("take"), EndRequest])
+def test_whatever_makes_plans_void_ends_what_was_asked_for(event: Any) -> None:
+    if event is EndRequest:
+        event = EndRequest(id=fresh_id("end"), time_s=0.0, operator="ann")
+    assert after(state(), asked(), event).state.requested is None
+
+
+@pytest.mark.parametrize(
+    "fields", [{"mode": "automatic"}, {"mode": "plan only"}, {"mode": "teleoperate"}, {"stopped": True}]
+)
+def test_nothing_is_offered_in_other_modes_or_under_a_stop(fields: dict[str, Any]) -> None:
+    begin = state(**fields)
+    reduced = after(begin, asked())
+    assert reduced.state is begin
+    assert "Nothing is offered" in texts(reduced)[0]
+
+
+def test_a_hand_takes_over_under_a_stop_of_its_own_which_it_lifts() -> None:
+    taken = after(state(), hand("take")).state
+    assert (taken.mode, taken.stopped, taken.holder) == ("teleoperate", True, "ann")
+    ended = after(taken, motion_end("stopped", held=True))
+    assert ended.state is taken
+    assert texts(ended) == ["The motion ended where ann took over."]
+    heeded = after(taken, Resumption("ann", 13.0)).state
+    assert (heeded.stopped, heeded.taken) == (False, None)
+    back = after(heeded, hand("give")).state
+    assert (back.mode, back.holder) == ("approve each", "ann")
+
+
+def test_a_stop_that_is_pressed_while_a_hand_takes_over_is_not_lifted_by_it() -> None:
+    stopped = after(state(), hand("take"), stop()).state
+    assert (stopped.stopped, stopped.taken, stopped.pressed) == (True, None, True)
+    refused = after(state(stopped=True), hand("take"))
+    assert (refused.state.taken, refused.state.mode) == (None, "approve each")
+    assert "press Resume" in texts(refused)[0]
+
+
+@pytest.mark.parametrize(
+    ("begin", "mode"),
+    [
+        ({"mode": "automatic", "holder": "ann"}, "approve each"),
+        ({"automatic": True}, "automatic"),
+        ({"mode": "idle"}, "idle"),
+        ({"mode": "plan only"}, "plan only"),
+    ],
+)
+def test_a_hand_gives_back_to_the_mode_before_and_never_to_motions_that_nobody_approves(
+    begin: dict[str, Any], mode: ModeName
+) -> None:
+    new = after(state(**begin), hand("take"), Resumption("ann", 13.0), hand("give")).state
+    assert new.mode == mode
+    assert "nothing to give back" in texts(after(new, hand("give")))[0]

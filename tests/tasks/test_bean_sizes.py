@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, UsageError
+from app.core.geometry.object_description import BEAN_SIZES
 from app.core.geometry.scene_description import Beans
 from app.jobs.jit_cache import advance, nominal_model, phi_of
 from app.tasks import load
-from app.tasks.elements.sizes import BEAN_SIZES
 
 COUNT = 300
 

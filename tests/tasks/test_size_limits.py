@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from app.core.geometry.object_description import SIZES
 from app.core.geometry.track import Track
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
@@ -15,7 +16,6 @@ from app.jobs.discovery_subject import subject_of
 from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.curves import fill_tube
-from app.tasks.elements.sizes import SIZES
 
 LONGEST, THICKEST = SIZES["length_m"][1], SIZES["radius_m"][1]
 _DENSITY = 0.064 / (0.4 * 0.008**2)

@@ -100,13 +100,13 @@ def opened(console: "subprocess.Popen[str]", page: Page) -> Page:
     page.set_default_timeout(PATIENCE_S * SECONDS)
     expect.set_options(timeout=PATIENCE_S * SECONDS)
     page.goto(address(console))
-    expect(page.get_by_role("button", name="By hand")).to_be_visible()
+    expect(page.get_by_role("button", name="By hand", exact=True)).to_be_visible()
     return page
 
 
 def demonstrate(page: Page, hand: Hand) -> None:
     """Move by hand, recorded as a success: one motion, or more where the machine is too busy to keep a key held."""
-    page.get_by_role("button", name="By hand").click()
+    page.get_by_role("button", name="By hand", exact=True).click()
     expect(page.get_by_text("Waiting to be moved by hand")).to_be_visible()
     page.get_by_text("Demonstrations", exact=True).click()
     page.get_by_role("button", name="Start a demonstration").click()

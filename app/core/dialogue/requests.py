@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.dialogue.checklist import ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, ModeRequest
 from app.core.geometry.charuco import Charuco
-from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
+from app.core.messages import Decision, Message, MessageId, Model, Notice, Proposal, ResumeRequest, StopRequest
 from app.core.types import ColourImage, DepthImage, Points
 
 GoalSource: TypeAlias = Literal["view", "curve", "copy", "region", "file"]
@@ -105,6 +105,44 @@ class ProbeRequest(Message):
     pushes: int
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StartPoseRequest(Message):
+    """Request for the way to the pose in which the tool was as the session began."""
+
+    operator: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DemonstrationRequest(Message):
+    """Request for the motions that were demonstrated, one after the other: those in `recording`, a file's name."""
+
+    operator: str
+    recording: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasureRequest(Message):
+    """Request to measure the object, as far as cameras see it."""
+
+    operator: str
+
+
+HandAct: TypeAlias = Literal["take", "give"]
+"""Command for moving by hand: take over from a motion that is being made, or give back."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HandRequest(Message):
+    """Request to move the tool by hand from now on, or to go on as before. The arm has been stopped for it before."""
+
+    operator: str
+    act: HandAct
+
+
 CalibrationAct: TypeAlias = Literal["begin", "take", "drop", "check", "save", "end"]
 """Command for a camera's calibration: begin; take a view; drop the last one; check the stored result on a fresh
 view; store the result; end."""
@@ -131,10 +169,18 @@ Chore: TypeAlias = (
     | TakeRequest
     | ClipRequest
     | ProbeRequest
+    | StartPoseRequest
+    | DemonstrationRequest
+    | MeasureRequest
     | CalibrationRequest
 )
 """Requests that take the program a while."""
-Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | Chore
+Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | HandRequest | Chore
 """Requests open to the holder of control."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """Messages from an operator's console; a notice records something that the console observed."""
+
+
+def is_requested(proposal: Proposal) -> bool:
+    """True for a motion that an operator asked for: the way to the start pose, or one of a demonstration."""
+    return proposal.chosen.origin in ("start", "shown")

@@ -80,6 +80,10 @@ def origin(proposal: Proposal) -> str:
     """Kind of the chosen branch, of how many; or a note that the push was requested."""
     if proposal.chosen.origin == "asked":
         return "the push that discovery asks for"
+    if proposal.chosen.origin == "start":
+        return "the way to the start pose"
+    if proposal.chosen.origin == "shown":
+        return "a motion of the demonstration"
     if proposal.chosen.origin == "edited":
         return f"the motion as you changed it, before {len(proposal.branches) - 1} others"
     if proposal.chosen.origin == "learned":

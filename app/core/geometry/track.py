@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from app.core.types import Path3, Poses
 
@@ -63,3 +63,23 @@ class Track:
     def with_positions(self, positions: Path3) -> "Track":
         """The same trajectory with other positions of the tip."""
         return Track(times_s=self.times_s, poses=np.concatenate([positions, self.poses[:, 3:]], axis=1))
+
+
+def corner_indices(path: Float64[np.ndarray, "T K"], within: float) -> Int64[np.ndarray, " C"]:
+    """Indices, the first and the last among them, of points whose straight lines leave the path by `within` at most.
+
+    By Douglas and Peucker 1973, "Algorithms for the reduction of the number of points required to represent a line".
+    """
+    kept, spans = {0, len(path) - 1}, [(0, len(path) - 1)]
+    while spans:
+        begin, end = spans.pop()
+        if end - begin < 2:
+            continue
+        away, chord = path[begin + 1 : end] - path[begin], path[end] - path[begin]
+        share = np.clip(away @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0)
+        apart = np.linalg.norm(away - share[:, None] * chord, axis=1)
+        if apart.max() > within:
+            corner = begin + 1 + int(apart.argmax())
+            kept.add(corner)
+            spans += [(begin, corner), (corner, end)]
+    return np.array(sorted(kept), np.int64)

@@ -10,6 +10,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
+from app.core.messages import Parameter
 from app.discovery import sensor_actuator_errors
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
@@ -64,12 +65,14 @@ class Subject:
     calibrated: tuple[str, ...]
     rods: RodModel | None = None
     unsaid: frozenset[str] = frozenset()
-    """Sizes that the data do not give, by their names in `tasks.elements.sizes.SIZES`."""
+    """Sizes that the data do not give, by their names in `object_description.SIZES`."""
     finger: Finger | None = None
     """The tool, where it is a finger and known which it is."""
     kind: ObjectTraits = ROPE
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
+    priors: tuple[Parameter, ...] = ()
+    """Those of the `calibrated` parameters that are known beforehand; the others are practically free."""
 
     @property
     def gravity_scale(self) -> float:
@@ -96,7 +99,8 @@ class Subject:
         self, *, origin_m: tuple[float, float] = (0.0, 0.0), reach_m: tuple[float, float] = REACH_M
     ) -> "Catalogue":
         """The causes that it may be asked about: see `catalogue`."""
-        return catalogue(self.rods, kind=self.kind, origin_m=origin_m, reach_m=reach_m)
+        known = catalogue(self.rods, kind=self.kind, origin_m=origin_m, reach_m=reach_m)
+        return replace(known, priors=self.priors)
 
     def numeric(self, name: str) -> "Subject":
         """The subject with one of `NUMERICS` at 1, which change what is compiled."""
@@ -144,6 +148,8 @@ class Catalogue:
     """Origin of its places in the frame in which they are reported."""
     reach_m: tuple[float, float] = REACH_M
     """Farthest that something may have its place from the middle of the table, along x and y."""
+    priors: tuple[Parameter, ...] = ()
+    """Intervals of parameters that are known beforehand."""
 
     def column(self, name: str) -> int:
         """Column of a parameter. KeyError if there is none of that name."""

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from app.core.geometry.track import Track
 from app.core.measured_setup import MeasuredSetup
+from app.core.messages import Parameter
 from app.core.types import Cloud, Points
 
 
@@ -57,6 +58,8 @@ class Study:
     camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
     setup: MeasuredSetup | None = None
     """Object, tool and table of imported data; None of recordings of this program, which are the task's."""
+    priors: tuple[Parameter, ...] = ()
+    """Intervals of the object's parameters that are known beforehand."""
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of its frame in that of the data: see `discovery.checks.placement`."""
 

@@ -12,13 +12,22 @@ from app.discovery.dataset.model_under_test import Catalogue, Family, Theta
 from app.discovery.inference.ends import Ends, find_ends, turn_rows
 from app.discovery.inference.localize import Located, likeliest_places
 from app.discovery.inference.mixed_effects import fit_mixed_effects
-from app.discovery.inference.weighing import CALIBRATED, HypothesisResult, ModelComparison, Prior, null_prior, weigh
+from app.discovery.inference.weighing import (
+    CALIBRATED,
+    Z90,
+    HypothesisResult,
+    ModelComparison,
+    Prior,
+    null_prior,
+    weigh,
+)
 from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, hypotheses_of, residuals, steps_of
 from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.sim.model.numerics import ANY_NUMERICS, ROD_NUMERICS
+from app.sim.parameter import NullPrior
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -177,7 +186,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
     families: dict[str, Family] = {cause.name: cause.family for cause in with_formula(catalogue).causes}
     usual = np.array(
         [
-            (0.0, CALIBRATED)
+            _known_beforehand(catalogue, about, step)
             if step.cause in calibrated
             else null_prior(
                 families[step.cause], catalogue.specs[step.column], rods=catalogue.rods, kind=catalogue.kind
@@ -191,6 +200,18 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
         variance=usual[:, 1] ** 2,
         nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in ANY_NUMERICS),
     )
+
+
+def _known_beforehand(catalogue: Catalogue, about: Theta, step: Step) -> NullPrior:
+    """Mean and deviation of a calibrated parameter, in steps from `about`: of its prior, or else practically flat."""
+    for prior in catalogue.priors:
+        if catalogue.column(prior.name) == step.column:
+            low, here, high, now = map(
+                catalogue.specs[step.column].coordinate,
+                (prior.low, prior.value, prior.high, float(about[step.column])),
+            )
+            return (here - now) / step.size, (high - low) / (2 * Z90 * step.size)
+    return 0.0, CALIBRATED
 
 
 def located_of(

@@ -10,15 +10,20 @@ from app.core.dialogue.checklist import Checklist, ChecklistRequest
 from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
 from app.core.dialogue.demonstration_messages import Take
 from app.core.dialogue.model_monitor_messages import Verdict, Watched
+from app.core.dialogue.object_messages import MeasuredObject
 from app.core.dialogue.requests import (
     CalibrationRequest,
     ClipRequest,
     ColourRequest,
+    DemonstrationRequest,
     EditRequest,
     GoalRequest,
+    HandRequest,
+    MeasureRequest,
     ModelRequest,
     PictureGoalRequest,
     ProbeRequest,
+    StartPoseRequest,
     TakeRequest,
 )
 from app.core.dialogue.segmentation_message import Seen
@@ -84,6 +89,11 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         TakeRequest: "/dipac/take_request",
         ClipRequest: "/dipac/clip_request",
         ProbeRequest: "/dipac/probe_request",
+        StartPoseRequest: "/dipac/start_pose_request",
+        DemonstrationRequest: "/dipac/demonstration_request",
+        HandRequest: "/dipac/hand_request",
+        MeasureRequest: "/dipac/measure_request",
+        MeasuredObject: "/dipac/measured_object",
         CalibrationRequest: "/dipac/calibration_request",
         BoardSeen: "/dipac/board_seen",
         Placing: "/dipac/placing",

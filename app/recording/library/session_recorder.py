@@ -13,12 +13,14 @@ from typing import Any, Literal, cast, final
 import anyio
 from anyio import to_thread
 
-from app.core.errors import RecordingError
-from app.core.messages import Episode, Message, MessageId, fresh_id
+from app.core.errors import RecordingError, UsageError
+from app.core.messages import Episode, Message, MessageId, Transition, fresh_id
+from app.core.task_name import recorded_name
 from app.recording.format import digests
 from app.recording.library.clip import Cut, write_clip
 from app.recording.library.label import Label, SuccessLabel, relabel
 from app.recording.library.prune import discard
+from app.recording.read.reader import read_episode, read_transitions
 from app.recording.write.file import EpisodeFile
 from app.recording.write.preflight import Room, check_folder
 from app.recording.write.writer import EpisodeRecorder, open_recording, start, unused_path
@@ -117,6 +119,13 @@ class SessionRecorder:
                     raise RecordingError("No demonstration is being recorded; begin one first.")
                 await to_thread.run_sync(_end, take, said, operator)
 
+    async def demonstration(self, recording: str) -> tuple[str, Sequence[Transition]]:
+        """Task and motions of a demonstration in the session's folder, by its file's name.
+
+        Raises UsageError where there is none of that name, and RecordingError where it cannot be read.
+        """
+        return await to_thread.run_sync(_demonstration_in, self.path.parent, recording)
+
     async def clip(self, duration_s: float) -> Path:
         """Write the last `duration_s` of the running session's recording to a file of its own.
 
@@ -172,6 +181,14 @@ class SessionRecorder:
         with suppress(OSError):
             expected_bytes += max(0, self._room.expected_bytes - self.path.stat().st_size)
         return replace(self._room, expected_bytes=expected_bytes)
+
+
+def _demonstration_in(folder: Path, recording: str) -> tuple[str, Sequence[Transition]]:
+    path = folder / recording
+    plain = recording.isprintable() and path.name == recording
+    if not plain or path.suffix != ".mcap" or not path.is_file():  # A browser may ask for anything.
+        raise UsageError(f"There is no demonstration {recording!r} in {folder}; name a file of that folder.")
+    return recorded_name(read_episode(path).task), read_transitions(path)
 
 
 def _end(take: EpisodeRecorder, said: SuccessLabel | None, operator: str) -> None:

@@ -7,11 +7,14 @@ from app.core.dialogue.requests import (
     Chore,
     ClipRequest,
     ColourRequest,
+    DemonstrationRequest,
     EditRequest,
     GoalRequest,
+    MeasureRequest,
     ModelRequest,
     PictureGoalRequest,
     ProbeRequest,
+    StartPoseRequest,
     TakeRequest,
 )
 from app.core.messages import Message
@@ -57,6 +60,10 @@ class Chores:
                     await self._use(chore)
                 case ProbeRequest():
                     self._parts.probing.handle(chore, lambda why: self._store.dispatch(Interruption(why)))
+                case StartPoseRequest() | DemonstrationRequest():
+                    await self._request_motions(chore)
+                case MeasureRequest():
+                    await self._parts.measuring.handle(chore, self._store.state.config.task)
                 case ColourRequest():
                     self._parts.sensing.recolour(chore)
                 case CalibrationRequest():
@@ -72,12 +79,19 @@ class Chores:
         """Simulate a change of the plan that is shown, which stays up until then, and propose it instead."""
         parts, state = self._parts, self._store.dispatch(request)
         seen, shown = parts.sensing.particles.value, state.shown_plan(request.proposal_id)
-        if seen is None or shown is None:
+        if seen is None or shown is None or state.requested is not None:
             return
         changed = await parts.planning.edit(state.config, request, shown, seen, state.model_in_use)
         if changed is not None and self._store.state.shown_plan(shown.id):
             state = self._store.dispatch(Interruption("is offered as you changed it"))
             parts.planning.offer_next(changed, state.interruptions)
+
+    async def _request_motions(self, request: StartPoseRequest | DemonstrationRequest) -> None:
+        """Offer what was asked for, if it can be made from here, instead of the plan that is shown."""
+        parts, config = self._parts, self._store.state.config
+        event = await parts.requested_motions.on_request(request, config, parts.sensing.particles.value)
+        if event is not None:
+            self._store.dispatch(event)
 
     async def _use(self, request: ModelRequest) -> None:
         """Plan with another model, and with the goal as its cameras observe it."""

@@ -61,7 +61,7 @@ class RodUnknown:
     low: float = -2.0
     """The least number of steps that means anything."""
     size: str = ""
-    """The object's size that says it, by its name in `tasks.elements.sizes.SIZES`; empty: none does."""
+    """The object's size that says it, by its name in `object_description.SIZES`; empty: none does."""
     not_injectable: str = OURS
 
 

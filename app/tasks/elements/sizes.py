@@ -1,38 +1,26 @@
-"""Tasks with another rope, another finger or other beans than their file's."""
+"""Tasks with another rope, finger or cloth, other beans or another liquid than their file's."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from math import pi
 
 from app.core.bounds import check_range
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Beans
+from app.core.geometry.object_description import BEAN_SIZES, CLOTH_SIZES, LIQUID_SIZES, SIZES
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid
 from app.core.task_name import TaskName
 from app.tasks.elements.base import Task
 
-SIZES = {
-    "length_m": (0.18, 0.80),
-    "radius_m": (0.003, 0.016),
-    "mass_kg": (0.003, 0.6),
-    "finger_radius_m": (0.002, 0.030),
-    "finger_half_width_m": (0.0, 0.045),
-    "finger_yaw_rad": (-pi, pi),
-}
-"""Numbers that may be other ones, and their ranges: there a rod's time steps are as good as the nominal rope's, within
-a factor of two (`tests/tasks/test_size_limits.py`)."""
 _OF_FINGER = "finger_"
-BEAN_SIZES = {"count": (20.0, 80.0), "mass_kg": (0.01, 0.2)}
-"""Number of beans, and the mass of all, that may be other ones, and their ranges."""
 
 
 def resize(task: Task, sizes: Mapping[str, float]) -> Task:
     """The same with these sizes.
 
-    Raises UsageError where the task has no rope, finger or beans to change, or a size is unknown, ParameterError where
-    it is out of its range.
+    Raises UsageError where the task has no object or finger to change, or a size is unknown, ParameterError where it is
+    out of its range.
     """
-    if task.with_beans is not None:
-        return _with_beans(task, sizes, task.with_beans)
+    if task.with_body is not None:
+        return replace(task.with_body(_resized_body(task.stage.body, sizes)), name=str(TaskName.of(task.name, sizes)))
     if task.sized is None:
         raise UsageError(f"{task.name} has an object and a tool of its own; leave --object out, and sizes in brackets.")
     _check(sizes, SIZES)
@@ -43,16 +31,25 @@ def resize(task: Task, sizes: Mapping[str, float]) -> Task:
     return replace(made, name=str(TaskName.of(task.name, sizes)))
 
 
-def _with_beans(task: Task, sizes: Mapping[str, float], with_beans: Callable[[Beans], Task]) -> Task:
-    """The task with so many beans of that mass in all; the mass of one stays where none is given."""
-    _check(sizes, BEAN_SIZES)
-    own = task.stage.body
-    assert isinstance(own, Beans)
-    count = round(sizes.get("count", own.count))
-    if count != sizes.get("count", count):
-        raise UsageError(f"count={sizes['count']:g} is no whole number of beans.")
-    mass_kg = sizes.get("mass_kg", own.mass_kg * count / own.count)
-    return replace(with_beans(replace(own, count=count, mass_kg=mass_kg)), name=str(TaskName.of(task.name, sizes)))
+def _resized_body(own: Body, sizes: Mapping[str, float]) -> Body:
+    """The object with these sizes; without a mass, one bean or one piece of cloth stays as heavy as it is."""
+    match own:
+        case Beans():
+            _check(sizes, BEAN_SIZES)
+            count = round(sizes.get("count", own.count))
+            if count != sizes.get("count", count):
+                raise UsageError(f"count={sizes['count']:g} is no whole number of beans.")
+            return replace(own, count=count, mass_kg=sizes.get("mass_kg", own.mass_kg * count / own.count))
+        case Cloth():
+            _check(sizes, CLOTH_SIZES)
+            size_m = sizes.get("size_m", own.size_m)
+            mass_kg = sizes.get("mass_kg", own.mass_kg * (size_m / own.size_m) ** 2)
+            return replace(own, size_m=size_m, mass_kg=mass_kg)
+        case Liquid():
+            _check(sizes, LIQUID_SIZES)
+            return replace(own, **sizes)
+        case _:
+            raise UsageError(f"A {type(own).__name__} has no sizes to change; leave --object out.")
 
 
 def _check(sizes: Mapping[str, float], known: Mapping[str, tuple[float, float]]) -> None:

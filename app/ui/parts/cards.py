@@ -6,6 +6,7 @@ from html import escape
 from typing import Literal, TypeAlias
 
 from app.core.dialogue import words
+from app.core.dialogue.requests import is_requested
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
 from app.ui.parts import palette
 from app.ui.parts.console_state import ConsoleState
@@ -87,6 +88,8 @@ def _replay_activity(state: ConsoleState) -> tuple[str, str, Tone]:
 def _to_decide(pending: Proposal) -> str:
     if pending.chosen.origin == "asked":
         return "This motion is for finding out what the model lacks. Rejected, it does not come again."
+    if is_requested(pending):
+        return f"This is {words.origin(pending)}. Rejected, what was asked for is given up."
     return "Look at the plan, then approve or reject it."
 
 

@@ -16,6 +16,7 @@ from app.core.dialogue.checklist import Checklist
 from app.core.dialogue.control import Lease, Mode, ModeName
 from app.core.dialogue.demonstration_messages import Take
 from app.core.dialogue.model_monitor_messages import Verdict, Watched
+from app.core.dialogue.object_messages import MeasuredObject
 from app.core.dialogue.requests import EditRequest
 from app.core.dialogue.segmentation_message import Seen
 from app.core.messages import (
@@ -76,6 +77,7 @@ class ConsoleState:
     episode: Episode | None = None
     frames: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
     particles: Particles | None = None
+    measured: MeasuredObject | None = None
     goal: Goal | None = None
     model: Model | None = None
     shown: Proposal | None = None
@@ -220,6 +222,8 @@ class ConsoleState:
                 return replace(self, mode=message)
             case Take():
                 return replace(self, take=message)
+            case MeasuredObject():
+                return replace(self, measured=message)
             case Checklist():
                 return replace(self, checklist=message)
             case BoardSeen():

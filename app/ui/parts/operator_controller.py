@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from app.core.colours import ColourRange
 from app.core.dialogue.control import Lease
-from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
+from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, HandRequest, ModelRequest, Request
 from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
 from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.rate_limiter import RateLimiter
@@ -88,6 +88,15 @@ class OperatorController:
             repeated = self._state.stop_s > self._state.resume_s
             if not repeated:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
+
+    def take_over(self, operator: str) -> None:
+        """Stop the arm, now and in this thread, and ask for it by hand; ignored of operators who may not command."""
+        with self._lock:
+            if not self._may(operator):
+                return
+        self._stop()
+        with self._lock:
+            self._issue(HandRequest(id=fresh_id("hand"), time_s=self.now(), operator=operator, act="take"))
 
     def ask(self, request: Asked) -> bool:
         """Send a request to the program; False where the operator has no permission."""

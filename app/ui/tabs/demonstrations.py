@@ -1,11 +1,12 @@
 """The buttons that begin and end demonstrations, and that keep the recent recording as a clip."""
 
+from pathlib import Path
 from typing import Any, Final, final
 
 import viser
 
 from app.core.dialogue import words
-from app.core.dialogue.requests import ClipRequest, TakeAct, TakeRequest
+from app.core.dialogue.requests import ClipRequest, DemonstrationRequest, TakeAct, TakeRequest
 from app.core.messages import fresh_id
 from app.ui.parts.console_state import ConsoleState
 from app.ui.parts.decision import operator
@@ -14,6 +15,7 @@ from app.ui.parts.operator_controller import OperatorController
 _WANTED: Final = 10
 """Demonstrations that a calibration needs (paper, section V)."""
 _CLIP_S: Final = 30.0
+AGAIN: Final = "Make it again on the arm"
 _SUCCESS, _FAILURE, _REDO, _DISCARD = "Success", "Failure", "Redo", "Discard"
 _ACTS: Final[dict[str, TakeAct]] = {_SUCCESS: "success", _FAILURE: "failure", _REDO: "redo", _DISCARD: "discard"}
 
@@ -42,6 +44,10 @@ class DemonstrationForm:
         self._start.on_click(lambda event: self._ask(event, "start"))
         self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
         self._end.on_click(self._on_press)
+        self._newest = 0
+        self._which = gui.add_text("File to make again", "", hint="A demonstration's file in the session's folder")
+        again = gui.add_button(AGAIN, color="gray", icon=viser.Icon.REPEAT)
+        again.on_click(self._make_again)
         clip = gui.add_button(f"Save the last {_CLIP_S:.0f} seconds", color="gray", icon=viser.Icon.HISTORY)
         clip.on_click(self._keep)
 
@@ -50,6 +56,9 @@ class DemonstrationForm:
         content = card(state)
         if content != self._said.content:
             self._said.content = content
+        take = state.take
+        if take is not None and take.state == "success" and take.number != self._newest:
+            self._newest, self._which.value = take.number, Path(take.path).name
         if self._end.visible != state.demonstrating:
             self._end.visible = state.demonstrating
             self._start.visible = not state.demonstrating
@@ -61,6 +70,15 @@ class DemonstrationForm:
     def _ask(self, event: viser.GuiEvent[Any], act: TakeAct) -> None:
         now_s = self._controller.now()
         self._controller.ask(TakeRequest(id=fresh_id("take"), time_s=now_s, operator=operator(event), act=act))
+
+    def _make_again(self, event: viser.GuiEvent[Any]) -> None:
+        now_s, name = self._controller.now(), str(self._which.value).strip()
+        if not name:
+            self._controller.tell("Name the file of a demonstration; end one as a success, and its name stands there.")
+            return
+        self._controller.ask(
+            DemonstrationRequest(id=fresh_id("again"), time_s=now_s, operator=operator(event), recording=name)
+        )
 
     def _keep(self, event: viser.GuiEvent[Any]) -> None:
         now_s = self._controller.now()
