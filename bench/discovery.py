@@ -26,7 +26,7 @@ from app.policy.random_pushes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
-from bench.hidden.draws import BODIES, SIZES, WORLDS, Case, Making, Spread, World, drawn
+from bench.hidden.draws import BODIES, SIZES, WORLDS, Case, Making, Spread, World, drawn, families_of
 from bench.hidden.figures import write_figures
 from bench.hidden.outcome import outcome
 from bench.hidden.scores import rows
@@ -60,6 +60,7 @@ def main(options: Sequence[str] | None = None) -> None:
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
         making=making,
+        spread=Spread(sizes=tuple(given.sizes), family=given.family),
         baselines=given.baselines,
         made=given.made,
     )
@@ -67,13 +68,16 @@ def main(options: Sequence[str] | None = None) -> None:
     worlds: tuple[World, ...] = making.worlds if given.world == "both" else (given.world,)
     if not set(worlds) <= set(making.worlds):
         raise UsageError(f"Our own world has ropes alone; leave --world {given.world} or --task {given.task} out.")
+    if not 0 < given.sizes[0] <= given.sizes[1]:
+        raise UsageError("--sizes are two numbers above 0, the smaller one first: --sizes 1 2.")
+    if given.family is not None and not all(families_of(making, world) & {given.family} for world in worlds):
+        raise UsageError(f"Nothing of the family {given.family} can be hidden in these recordings; choose another one.")
     if given.light and making.dynamics == "mpm" and making.body is Rope:
         raise UsageError("--light makes ropes that are doubted as rods; leave --light or --dynamics mpm out.")
-    spread = Spread(sizes=tuple(given.sizes), family=given.family)
     numbers = range(given.first, given.first + given.n)
-    cases = [drawn(given.seed, number, world, setup.making, spread) for number in numbers for world in worlds]
+    cases = [drawn(given.seed, number, world, setup.making, setup.spread) for number in numbers for world in worlds]
     _try(output, cases, setup, given.into, given.merge, where=given.workers, jobs=given.jobs)
-    lines = [line for line in ledger.read([*given.merge, given.into]) if _is_of(line, setup.making)]
+    lines = [line for line in ledger.read([*given.merge, given.into]) if _is_of(line, setup)]
     done = ledger.finished(lines)
     for line in lines:
         if line not in done:
@@ -81,9 +85,11 @@ def main(options: Sequence[str] | None = None) -> None:
     show(output, done, given.report)
 
 
-def _is_of(line: dict[str, Any], making: Making) -> bool:
-    """True if the recordings of a line were made under the same conditions."""
-    case = ledger.whole_case(line)
+def _is_of(line: dict[str, Any], setup: Setup) -> bool:
+    """True if the recordings of a line were made under the same conditions, and drawn from as many."""
+    case, making = ledger.whole_case(line), setup.making
+    if (tuple(case["sizes"]), case["family"]) != (setup.spread.sizes, setup.spread.family):
+        return False
     seen = case["images"] == making.images or case["world"] == "own"
     return (case["task"], case["dynamics"]) == (making.task, making.dynamics) and seen
 

@@ -39,11 +39,14 @@ class StopLatch:
             self._store.dispatch(Resumption(request.operator, self._clock.now()))
 
     async def hand_over(self) -> None:
-        """Lift the stop of whoever takes over, and no later one: what follows is made by hand."""
+        """Lift the stop of whoever takes over, no later one, and no fault: what follows is made by hand."""
         taken = self._store.state.taken
         if taken is None:
             return
         try:
+            arm = await self._arm.state()
+            if arm.mode == "fault":
+                raise DeviceError(f"The arm cannot be taken over: {arm.reason or 'it is in fault'}.")
             await self._arm.reset(asked_s=taken.time_s)
         except DeviceError as error:
             self._store.dispatch(HandRefusal(str(error)))

@@ -68,9 +68,9 @@ def reduce(state: SessionState, event: Event) -> Reduced:
         case ChecklistRequest():
             return _on_confirmation(state, event)
         case Interruption():
-            return Reduced(_interrupt(state, event.why))
+            return _void(state, event.why)
         case Reconfiguration():
-            return Reduced(_interrupt(replace(state, config=event.config), event.why))
+            return _void(replace(state, config=event.config), event.why)
         case ModelUpdate():
             return _on_model_update(state, event)
         case ChosenModel():
@@ -89,7 +89,7 @@ def reduce(state: SessionState, event: Event) -> Reduced:
         case MotionsRequest():
             return _on_motions_request(state, event)
         case RequestedEnd():
-            return _on_requested_end(state, made=event.made)
+            return _on_requested_end(state, event)
         case HandRequest():
             return _on_hand(state, event)
         case Failure():
@@ -101,7 +101,7 @@ def reduce(state: SessionState, event: Event) -> Reduced:
         case PauseEnd():
             return Reduced(replace(state, goes_on=False, pauses=state.pauses + 1))
         case Resumption():
-            said = "Resumed by {}." if state.taken is None else "The tool heeds the hand of {} now."
+            said = "The tool heeds the hand of {} now." if state.taken else "Resumed by {}."
             state = replace(state, stopped=False, resumed_s=event.now_s, tried=state.pressed, taken=None)
             return Reduced(state, (Announce("stop", said.format(event.operator)),))
         case Inspection():
@@ -143,13 +143,27 @@ def _set_mode(state: SessionState, mode: ModeName, why: str, *cause: MessageId, 
 
 def _mode_after_hand(state: SessionState) -> ModeName:
     """The mode to go back to: not one in which motions are made without approval, unless the program began in it."""
-    if state.requested is not None and state.requested.resting:
+    if _rests_after(state):
         return "idle"
     return "approve each" if state.mode == "automatic" and not state.config.automatic else state.mode
 
 
 def _leave_mode(state: SessionState) -> SessionState:
-    return _interrupt(replace(state, mode_changes=state.mode_changes + 1), "was made in another mode")
+    """Give up what waits, and a hand that has not taken over yet: its stop stays."""
+    return _interrupt(replace(state, mode_changes=state.mode_changes + 1, taken=None), "was made in another mode")
+
+
+def _void(state: SessionState, why: str) -> Reduced:
+    """Make plans void; a session that was at rest before a motion was asked for rests again."""
+    if not _rests_after(state):
+        return Reduced(_interrupt(state, why))
+    state, commands = _set_mode(state, "idle", "what was asked for is given up")
+    return Reduced(replace(state, interrupted=why), commands)
+
+
+def _rests_after(state: SessionState) -> bool:
+    """True if the session was at rest before what is asked for."""
+    return state.requested is not None and state.requested.resting
 
 
 def _interrupt(state: SessionState, why: str) -> SessionState:
@@ -220,20 +234,23 @@ def _on_motions_request(state: SessionState, event: MotionsRequest) -> Reduced:
         return Reduced(
             state, (Announce("motion", f"Nothing is offered for what you asked for. {why}", (event.cause,)),)
         )
-    resting = state.mode == "idle"
-    if resting:
+    resting = state.mode == "idle" or _rests_after(state)
+    if state.mode == "idle":
         state, commands = _set_mode(state, "approve each", f"{requested.operator} asked for a motion", event.cause)
     else:
         state, commands = _interrupt(state, "gives way to what was asked for"), ()
-    return Reduced(replace(state, requested=requested._replace(resting=resting)), commands)
+    return Reduced(replace(state, requested=requested._replace(resting=resting, asked=event.cause)), commands)
 
 
-def _on_requested_end(state: SessionState, *, made: bool) -> Reduced:
-    """Go on with the next one; after the last one, or one that was not made, as before."""
+def _on_requested_end(state: SessionState, event: RequestedEnd) -> Reduced:
+    """Go on with the next one; after the last one, or one that was not made, as before.
+
+    What somebody asked for meanwhile is still to be made.
+    """
     requested = state.requested
-    if requested is None:
+    if requested is None or requested.asked != event.asked:
         return Reduced(state)
-    later = requested.demonstration[1:]
+    made, later = event.made, requested.demonstration[1:]
     if made and later:
         return Reduced(replace(state, requested=requested._replace(demonstration=later)))
     if not requested.resting:
@@ -276,7 +293,8 @@ def _on_chosen_model(state: SessionState, event: ChosenModel) -> Reduced:
     said = f"{request.operator} chose the model of {request.source}; it is version {model.version} now."
     state = replace(state, model=model, config=replace(state.config, shown_goal=event.shown_goal))
     notice = Announce("model", said + event.compiling, (request.id,))
-    return Reduced(_interrupt(state, "is of another model"), (notice, AnnounceModel()))
+    state, commands = _void(state, "is of another model")
+    return Reduced(state, (*commands, notice, AnnounceModel()))
 
 
 def _numbered_model(state: SessionState, model: Model) -> Model:
@@ -290,7 +308,7 @@ def _numbered_model(state: SessionState, model: Model) -> Model:
 
 def _stop_motion(state: SessionState, why: str, *, goes_on: bool = False) -> Reduced:
     """Forbid motion until somebody resumes, and void the plan that is shown."""
-    resting = state.requested is not None and state.requested.resting
+    resting = _rests_after(state)
     goes_on = goes_on and state.config.automatic and state.pauses < _MOST_PAUSES
     state = replace(state, stopped=True, goes_on=goes_on, taken=None)
     state, commands = _interrupt(state, "was made before the stop; planning again"), ()
@@ -306,13 +324,13 @@ def _stop_motion(state: SessionState, why: str, *, goes_on: bool = False) -> Red
 
 
 def _on_motion_end(state: SessionState, event: MotionEnd) -> Reduced:
-    """Hold where the arm itself ended a motion before its time."""
+    """Hold where the arm itself ended a motion before its time, whoever takes over from it."""
     executed = event.executed
     if executed.outcome == "completed":
         return Reduced(replace(state, pauses=0))
     if executed.time_s <= state.resumed_s:
         return Reduced(state)
-    if state.taken is not None:
+    if state.taken is not None and executed.outcome == "stopped" and event.held:
         return Reduced(state, (Announce("arm", f"The motion ended where {state.taken.operator} took over."),))
     own = executed.outcome == "stopped" and not event.held
     return _stop_motion(state, executed.reason, goes_on=own and not state.stopped)

@@ -6,7 +6,7 @@ from app.core.dialogue.approval import AUTOMATIC, Approved
 from app.core.dialogue.requests import is_requested
 from app.core.errors import MotionRefused
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.messages import Executed, Particles, Proposal, Transition
+from app.core.messages import Executed, MessageId, Particles, Proposal, Transition
 from app.core.types import Points
 from app.session.loop import go_round
 from app.session.model_monitor import ExecutedPush
@@ -58,6 +58,7 @@ class SessionStages:
         self._began_s = self._touched_s = parts.clock.now()
         self._attempts = self._refused = 0
         self._moved_s = self._began_s
+        self._due: MessageId = ""
         self._observed: Particles | None = None
 
     async def observe(self) -> Particles | None:
@@ -112,7 +113,7 @@ class SessionStages:
             if not is_requested(plan):
                 parts.planning.on_decision(plan, approved=approved is not None)
             elif approved is None:
-                self._store.dispatch(RequestedEnd(made=False))
+                self._store.dispatch(RequestedEnd(made=False, asked=self._due))
         self._invalidate_observations()
         return None if approved is None else Leave(plan, approved, parts.sensing.particles.value, target)
 
@@ -126,7 +127,7 @@ class SessionStages:
         self._invalidate_observations()
         self._moved_s = self._touched_s
         if is_requested(leave.proposal) and (executed is None or executed.outcome != "completed"):
-            self._store.dispatch(RequestedEnd(made=False))
+            self._store.dispatch(RequestedEnd(made=False, asked=self._due))
         return None if executed is None else ExecutedPlan(leave, executed)
 
     async def learn(self, made: ExecutedPlan) -> None:
@@ -152,6 +153,7 @@ class SessionStages:
     async def _requested(self, requested: RequestedMotions, observed: Particles) -> Proposal | None:
         """The motion that was asked for, as a plan; what was asked for ends where it fits no more."""
         parts, state = self._parts, self._store.state
+        self._due = requested.asked
         proposal = await parts.requested_motions.proposal(requested, state.config, observed, state.model_in_use)
         self._invalidate_observations()
         if self._store.state.interruptions != state.interruptions:
@@ -159,7 +161,7 @@ class SessionStages:
                 parts.announcer.notice("plan", f"{proposal.id} {self._store.state.interrupted}.", proposal.id)
             return None
         if proposal is None:
-            self._store.dispatch(RequestedEnd(made=False))
+            self._store.dispatch(RequestedEnd(made=False, asked=self._due))
             return None
         return None if parts.approving.moved_away(proposal) else proposal
 
@@ -176,7 +178,7 @@ class SessionStages:
                 transition, model = self._note_transition(before, executed, after), self._store.state.model
                 await parts.watching.put(ExecutedPush(proposal, transition, model))
                 await parts.learning.put(transition)
-        self._store.dispatch(RequestedEnd(made=True))
+        self._store.dispatch(RequestedEnd(made=True, asked=self._due))
 
     async def turn(self) -> None:
         """One turn of the mode; whatever ends it, nothing is made any more."""

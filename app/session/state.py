@@ -26,12 +26,13 @@ class RequestedMotions(NamedTuple):
     """Motions that an operator asked for, and no planner chose; each is shown, approved and checked like any other.
 
     `demonstration`: those of one that are still to be made, the next one first; empty for the way to the start pose.
-    `resting`: the session was idle, and is so again afterwards.
+    `resting`: the session was idle, and is so again afterwards. `asked`: id of the request.
     """
 
     operator: str
     demonstration: tuple[Transition, ...] = ()
     resting: bool = False
+    asked: MessageId = ""
 
 
 @final
@@ -209,9 +210,10 @@ class MotionsRequest(NamedTuple):
 
 @final
 class RequestedEnd(NamedTuple):
-    """The requested motion that was due is over: made to its end, or given up."""
+    """The motion that was due of the request `asked` is over: made to its end, or given up."""
 
     made: bool
+    asked: MessageId
 
 
 @final

@@ -126,6 +126,12 @@ def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making)))
 
 
+def families_of(making: Making, world: World) -> frozenset[Family]:
+    """Families of the causes that this world can hide."""
+    families = _families(making)
+    return frozenset(families[name] for name in kinds(world, making))
+
+
 def real_size(chosen: Chosen, body: type[Body] = Rope) -> float:
     """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world, in such an object."""
     main = injectable_effects()[chosen.effect].main_in(body)

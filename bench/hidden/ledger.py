@@ -5,18 +5,20 @@ from pathlib import Path
 from typing import Any
 
 from app.evaluation.results_log import lines
+from bench.hidden.draws import SIZES
 
 
 def key_of(line: dict[str, Any]) -> str:
     """Unique key of a line: the world, conditions of recording and solver, the seed, the number, the study's size."""
     case = whole_case(line)
-    names = ("world", "task", "dynamics", "images", "seed", "number", "episodes", "pushes")
+    names = ("world", "task", "dynamics", "images", "seed", "number", "episodes", "pushes", "sizes", "family")
     return "-".join(str(case[name]) for name in names)
 
 
 def whole_case(line: dict[str, Any]) -> dict[str, Any]:
-    """Case of a line; lines that do not say are of ropes as material points, and of images if MuJoCo's."""
-    return {"task": "rope_push", "dynamics": "mpm", "images": line["case"]["world"] == "mujoco", **line["case"]}
+    """Case of a line; those that do not say are of ropes as material points, of images if MuJoCo's, of usual sizes."""
+    usual = {"task": "rope_push", "dynamics": "mpm", "sizes": list(SIZES), "family": None}
+    return {**usual, "images": line["case"]["world"] == "mujoco", **line["case"]}
 
 
 def read(paths: Iterable[Path]) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from app.core.geometry.scene_description import Rope
 from app.policy.random_pushes import PushDesign
-from bench.hidden.draws import AS_RODS, WORLDS, Case, Making, kinds, real_size
+from bench.hidden.draws import AS_RODS, USUAL_SPREAD, WORLDS, Case, Making, Spread, kinds, real_size
 from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
 
 _KEPT = ("verdict", "causes", "ranking", "formula", "leftover", "heldout", "limits", "amount", "spent_s")
@@ -49,8 +49,8 @@ _POLL_S = 0.05
 class Setup:
     """Conditions under which cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
 
-    `oracle`, `baselines`: also fit the hidden cause, and run other methods. `made`: folder of recordings with their
-    truth, a folder a case; those already there are used.
+    `spread`: of what is drawn. `oracle`, `baselines`: also fit the hidden cause, and run other methods. `made`: folder
+    of recordings with their truth, a folder a case; those already there are used.
     """
 
     seed: int
@@ -58,6 +58,7 @@ class Setup:
     oracle: bool
     deadline_s: float
     making: Making = AS_RODS
+    spread: Spread = USUAL_SPREAD
     baselines: bool = False
     made: Path | None = None
 
@@ -107,6 +108,8 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
         "seed": setup.seed,
         "episodes": setup.plan.episodes,
         "pushes": setup.plan.pushes,
+        "sizes": list(setup.spread.sizes),
+        "family": setup.spread.family,
         "hidden": [[each.effect, each.size] for each in case.hidden],
     }
 
@@ -177,7 +180,8 @@ def _way(setup: Setup) -> list[str]:
     """Words for unusual conditions of the recordings."""
     making = setup.making
     engine = "mpm" if making.body is Rope else making.task
-    return [engine] * (making.dynamics == "mpm") + ["blind"] * (not making.images)
+    spread = [*map(str, setup.spread.sizes), setup.spread.family or "any"] if setup.spread != USUAL_SPREAD else []
+    return [engine] * (making.dynamics == "mpm") + ["blind"] * (not making.images) + spread
 
 
 def _made(kept: Path, case: Case, setup: Setup, folder: Path) -> dict[str, Any]:

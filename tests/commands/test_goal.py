@@ -96,6 +96,18 @@ def test_points_that_are_not_finite_are_called_so(tmp_path: Path):
     assert "point 7, [nan, nan, nan], is not finite, as 1 of 50 are" in refusal(saved(tmp_path, points))
 
 
+def test_what_is_beyond_single_precision_is_not_finite_and_an_error_is_one_line(tmp_path: Path):
+    far = np.array([[0.5, 0.0, 1e300]])
+    np.save(tmp_path / "goal.npy", far)
+    with pytest.raises(UsageError, match=r"point 0, .* is not finite"):
+        read_goal(tmp_path / "goal.npy")
+    data = (tmp_path / "goal.npy").read_bytes()
+    (tmp_path / "goal.npy").write_bytes(data[:8] + b"\x7f\x7f" + data[10:] + b" " * 40_000)
+    with pytest.raises(UsageError, match="Cannot read") as refused:
+        read_goal(tmp_path / "goal.npy")
+    assert "\n" not in str(refused.value)
+
+
 def test_a_point_outside_is_not_shown_as_one_inside(tmp_path: Path):
     points = a_line(COUNT)
     points[3, 0] = Workspace().high[0] + 2e-5

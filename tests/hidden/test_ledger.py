@@ -83,3 +83,14 @@ def test_a_line_of_other_dynamics_is_another_case(tmp_path: Path, capsys: pytest
 def test_without_images_there_are_no_material_points() -> None:
     with pytest.raises(UsageError, match="--light or --dynamics mpm"):
         discovery.main(["--light", "--dynamics", "mpm"])
+
+
+def test_other_sizes_and_one_family_are_other_cases_and_old_lines_are_of_all() -> None:
+    (of_all,) = lines(1)
+    told = of_all["case"]
+    wide = {**of_all, "case": {**told, "sizes": [1.0, 2.0]}}
+    physics = {**of_all, "case": {**told, "family": "physics"}}
+    old = {**of_all, "case": {name: value for name, value in told.items() if name not in ("sizes", "family", "task")}}
+    keys = [ledger.key_of(each) for each in (of_all, wide, physics)]
+    assert len(set(keys)) == 3
+    assert ledger.key_of(old) == keys[0]

@@ -90,7 +90,14 @@ def test_a_delay_is_in_the_arms_log_and_a_film_in_the_ropes_motion(control: tupl
 
 @pytest.mark.parametrize("world", ["own", "mujoco"])
 def test_recordings_hold_the_study_and_no_word_of_what_is_hidden(world: str, tmp_path: Path) -> None:
-    order = {"world": world, "seed": 41, "hidden": [["table_tilt", 1.0]], "episodes": 1, "pushes": 2}
+    order = {
+        "task": "rope_push",
+        "world": world,
+        "seed": 41,
+        "hidden": [["table_tilt", 1.0]],
+        "episodes": 1,
+        "pushes": 2,
+    }
     make(order, tmp_path)
     paths = sorted((tmp_path / "recordings").iterdir())
     study = read_study(paths)

@@ -1,6 +1,7 @@
 """Motions that an operator asks for: the start pose, and what was demonstrated; each is approved like a plan."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal, final
@@ -16,8 +17,9 @@ from app.core.dialogue.requests import DemonstrationRequest, EditRequest, HandRe
 from app.core.errors import MotionRefused, PlanningError, UsageError
 from app.core.messages import Executed, Health, Message, Notice, Outcome, Proposal, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
-from app.session.requests.requested_motions import demonstrated_motion, require_same_scene, way_to
+from app.session.requests.requested_motions import demonstrated_motion, joined, require_same_scene, way_to
 from tests.session.cell import Run, for_a_while, fresh_plan, jogs, pushes, running, small_site, small_wish, some
+from tests.ui import synthetic
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -314,6 +316,46 @@ def test_a_motion_by_hand_is_made_again_along_its_corners_at_its_own_speed(tmp_p
         # A hand that paused is no slower for it.
         longest = int(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).argmax()) + 1
         assert motion.speeds[longest] == pytest.approx(0.11 / (50 * 0.02), rel=0.3)
+
+
+def test_what_a_hand_holds_between_two_motions_is_not_let_go() -> None:
+    site = small_site(Path())
+
+    def moved(start: list[float], end: list[float], begin_s: float) -> Transition:
+        path = np.linspace(start, end, 20)
+        commanded = np.concatenate([path, np.tile(TOOL_DOWN, (20, 1))], axis=1)
+        executed = Executed(
+            id=fresh_id("executed"),
+            time_s=begin_s + 0.38,
+            approved_id=fresh_id("jogged"),
+            outcome="completed",
+            reason="",
+            times_s=begin_s + 0.02 * np.arange(20),
+            commanded=commanded,
+            measured=commanded + 1e-4,
+            openings=np.full(20, 0.012),
+        )
+        return replace(synthetic.transition(synthetic.rope(0.1), synthetic.rope(begin_s / 100)), executed=executed)
+
+    low, carried, high = [0.4, 0.0, 0.03], [0.5, 0.0, 0.03], [0.5, 0.0, site.travel_height_m]
+    first, second, third = moved(high, low, 0.0), moved(low, carried, 7.0), moved(carried, high, 30.0)
+    elsewhere = moved(high, carried, 50.0)
+    one, other = joined((first, second, third, elsewhere), site)
+    assert other is elsewhere
+    assert (one.before is first.before, one.after is third.after) == (True, True)
+    assert len(one.executed.commanded) == len(one.executed.tool) == len(one.executed.times_s) == 60
+    assert np.diff(one.executed.times_s) == pytest.approx(0.02)
+    motion = demonstrated_motion(one.executed, np.append(first.executed.commanded[0], 0.012), site)
+    check_motion(motion, motion.digest(), site)
+    assert np.allclose(motion.openings, 0.012)
+
+
+def test_a_pose_and_its_negative_quaternion_are_one(tmp_path: Path) -> None:
+    site = small_site(tmp_path)
+    start = np.array([0.4, 0.0, 0.1, *TOOL_DOWN, 0.0])
+    negative = np.array([0.4, 0.0, 0.1, *(-np.asarray(TOOL_DOWN)), 0.0])
+    with pytest.raises(PlanningError, match="at the start pose"):
+        way_to(start, negative, None, site)
 
 
 def test_an_object_that_lies_as_it_was_shown_is_taken_and_one_of_no_numbers_is_not() -> None:

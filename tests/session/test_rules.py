@@ -458,6 +458,11 @@ def asked(*motions: Any) -> MotionsRequest:
     return MotionsRequest(RequestedMotions("ann", motions), fresh_id("asked"))
 
 
+def over(state: SessionState, *, made: bool = True) -> RequestedEnd:
+    """The end of the motion that is due."""
+    return RequestedEnd(made=made, asked=state.requested.asked if state.requested else "")
+
+
 def hand(act: Any) -> HandRequest:
     return HandRequest(id=fresh_id("hand"), time_s=12.0, operator="ann", act=act)
 
@@ -468,13 +473,23 @@ def test_what_is_asked_for_voids_the_plan_and_is_due_until_it_is_made() -> None:
     assert (new.interrupted, new.mode) == ("gives way to what was asked for", "approve each")
     assert new.requested is not None
     assert new.requested.demonstration == shown
-    new = after(new, RequestedEnd(made=True)).state
+    new = after(new, over(new)).state
     assert new.requested is not None
     assert new.requested.demonstration == shown[1:]
-    assert after(new, RequestedEnd(made=True)).state.requested is None
-    assert after(new, RequestedEnd(made=False)).state.requested is None
+    assert after(new, over(new)).state.requested is None
+    assert after(new, over(new, made=False)).state.requested is None
     begin = state()
-    assert after(begin, RequestedEnd(made=True)) == Reduced(begin)
+    assert after(begin, over(new)) == Reduced(begin)
+
+
+def test_the_end_of_one_request_leaves_what_was_asked_for_meanwhile() -> None:
+    shown = tuple(synthetic.transition(synthetic.rope(0.1), synthetic.rope(bend)) for bend in (0.2, 0.3))
+    first = after(state(mode="idle"), asked()).state
+    second = after(first, asked(*shown)).state
+    late = after(second, over(first)).state
+    assert late.requested is not None
+    assert (late.requested.demonstration, late.requested.resting) == (shown, True)
+    assert after(late, over(late), over(late)).state.mode == "idle"
 
 
 @pytest.mark.parametrize("made", [True, False])
@@ -482,9 +497,10 @@ def test_a_session_at_rest_approves_what_was_asked_for_and_rests_again(made: boo
     begun = after(state(mode="idle"), asked())
     assert begun.state.mode == "approve each"
     assert isinstance(begun.commands[0], AnnounceMode)
-    ended = after(begun.state, RequestedEnd(made=made)).state
+    ended = after(begun.state, over(begun.state, made=made)).state
     assert (ended.mode, ended.requested) == ("idle", None)
     assert after(begun.state, stop()).state.mode == "idle"
+    assert after(begun.state, Interruption("is void")).state.mode == "idle"
 
 
 @pytest.mark.parametrize("event", [stop(), chosen("plan only"), Interruption("is void"), hand("take"), EndRequest])
@@ -514,6 +530,20 @@ def test_a_hand_takes_over_under_a_stop_of_its_own_which_it_lifts() -> None:
     assert (heeded.stopped, heeded.taken) == (False, None)
     back = after(heeded, hand("give")).state
     assert (back.mode, back.holder) == ("approve each", "ann")
+
+
+@pytest.mark.parametrize("ended", [motion_end("fault"), motion_end("stopped"), motion_end("fault", held=True)])
+def test_a_hand_does_not_lift_what_the_arm_stopped_for_itself(ended: Any) -> None:
+    held = after(state(), hand("take"), ended).state
+    assert (held.stopped, held.taken) == (True, None)
+
+
+@pytest.mark.parametrize("leaves", [hand("give"), chosen("idle"), lease("bob")])
+def test_a_hand_that_has_not_taken_over_yet_lifts_nothing_when_the_mode_is_left(leaves: Any) -> None:
+    left = after(state(), hand("take"), leaves).state
+    assert (left.stopped, left.taken) == (True, None)
+    assert left.mode != "teleoperate"
+    assert texts(after(left, Resumption("ann", 13.0))) == ["Resumed by ann."]
 
 
 def test_a_stop_that_is_pressed_while_a_hand_takes_over_is_not_lifted_by_it() -> None:

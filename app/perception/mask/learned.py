@@ -100,11 +100,14 @@ def _tensor_list(found: Sequence[Tensor]) -> str:
 
 
 def _scores(path: Path, color: ColourImage, size: tuple[int, int]) -> Scores:
-    """Output of the network for the image, resized to height and width `size`."""
+    """Output of the network for the image, resized to height and width `size`. Raises cv2.error if there is none."""
     network = _network(path)
     image = cv2.resize(color, (size[1], size[0]), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
     network.setInput(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
-    return network.forward()
+    scores = network.forward()
+    if scores is None:
+        raise cv2.error("the network computes nothing")
+    return scores
 
 
 def _diverged(scores: np.ndarray) -> bool:

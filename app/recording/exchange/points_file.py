@@ -24,17 +24,20 @@ def points_in(name: str, data: bytes) -> Cloud:
     try:
         points = _read(data)
     except Exception as error:  # The file is untrusted, and its readers raise any error.
-        raise UsageError(f"Cannot read {name}: {error or type(error).__name__}; {ADVICE}.") from None
+        why = str(error).splitlines()[:1]
+        raise UsageError(f"Cannot read {name}: {why[0] if why else type(error).__name__}; {ADVICE}.") from None
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu" or not len(points):
         raise UsageError(f"{name} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres.")
-    bad = ~np.isfinite(points).all(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # What is beyond single precision is not finite, either.
+        near = points.astype(np.float32)
+    bad = ~np.isfinite(near).all(axis=1)
     if bad.any():
         first = int(np.argmax(bad))
         raise UsageError(
             f"{name}: point {first}, {points[first].tolist()}, is not finite, as {int(bad.sum())} of {len(points)} "
             "are; leave out what was not measured."
         )
-    return points[:: -(-len(points) // _MOST_POINTS)].astype(np.float32)
+    return near[:: -(-len(points) // _MOST_POINTS)]
 
 
 def _read(data: bytes) -> np.ndarray:

@@ -11,6 +11,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
+from zstandard import ZstdError
 
 from app.core.errors import RecordingError, UsageError
 from app.recording.format.channels import METADATA, SCHEMA_VERSION
@@ -32,9 +33,10 @@ DAMAGE: Final = (
     RuntimeError,
     TypeError,
     ValueError,
+    ZstdError,
     struct.error,
 )
-"""Errors of the MCAP and LZ4 packages on invalid bytes, and of the disk on unreadable ones.
+"""Errors of the MCAP, LZ4 and Zstandard packages on invalid bytes, and of the disk on unreadable ones.
 
 LZ4 raises RuntimeError; a seek to before the start of a file is an OSError.
 """

@@ -3,9 +3,12 @@
 They are shown, approved and checked as any plan is; the arm's process does not tell them apart.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, final
 
 import numpy as np
+from jaxtyping import Float64
 
 from app.arm.gate import check_motion, way
 from app.arm.path import SCALE, at_travel_height
@@ -16,7 +19,7 @@ from app.core.dialogue.requests import DemonstrationRequest, StartPoseRequest
 from app.core.errors import DipacError, PlanningError, RecordingError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.track import corner_indices
-from app.core.messages import Branch, Executed, Model, Origin, Particles, Proposal, fresh_id
+from app.core.messages import Branch, Executed, Model, Origin, Particles, Proposal, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Arm, Clock, Computer, Studio
 from app.core.types import Points, ToolPath, ToolPose
@@ -26,6 +29,8 @@ from app.tasks.elements.base import EpisodeConfig
 
 _MM: Final = 1e3
 _SAME_M: Final = 1e-3
+_TURNED: Final = 1e-6
+"""One minus the cosine of half an angle, a sixth of a degree, within which orientations are the same."""
 _TOUCH_M: Final = 0.05
 _ABOVE_M: Final = 0.02
 """A pose this near to the object, over the table, and not this far above it, is not gone down to: half a hand's width,
@@ -36,6 +41,8 @@ _STILL_M: Final = 1e-5
 """A tool that moves less from one sample to the next stands."""
 _SLOWEST_M_S: Final = 0.01
 _APPROACH_M_S: Final = 0.10
+_PERIOD_S: Final = 0.02
+"""Time from the end of one motion to the beginning of the next where both are made as one."""
 _JOINED_M: Final = 0.004
 """A motion that begins as near to where the tool is continues the one before: less than the arm's process allows."""
 
@@ -100,7 +107,7 @@ class RequestedMotionProposals:
         if not whole:
             raise RecordingError(f"{request.recording} holds no motion that was made to its end.")
         require_same_scene(whole[0].before, observed.positions, self._site.timing.plan_max_drift_m)
-        return MotionsRequest(RequestedMotions(request.operator, whole), request.id)
+        return MotionsRequest(RequestedMotions(request.operator, joined(whole, self._site)), request.id)
 
     def _check(self, motion: Motion) -> None:
         """Raises MotionRefused where the arm's process would refuse the motion from where the tool is."""
@@ -157,7 +164,8 @@ def way_to(start: ToolPose, tool: ToolPose, x: Points | None, site: Site) -> Mot
     arm's process would refuse it.
     """
     end = np.array([*start[:7], tool[7]])
-    if np.linalg.norm((end - tool)[:7]) < _SAME_M:
+    turned = 1 - abs(float(end[3:7] @ tool[3:7]))  # A quaternion and its negative are one orientation.
+    if np.linalg.norm((end - tool)[:3]) < _SAME_M and turned < _TURNED:
         raise PlanningError("The tool is at the start pose.")
     if x is not None and len(x):
         near = x[np.linalg.norm(x[:, :2] - start[:2], axis=1) < _TOUCH_M]
@@ -182,14 +190,49 @@ def require_same_scene(shown: Points, observed: Points, most_m: float) -> None:
         )
 
 
+def joined(motions: Sequence[Transition], site: Site) -> tuple[Transition, ...]:
+    """The motions, those as one that begin where the tool was left below the travel height, at or in the object."""
+    made = list[Transition]()
+    for each in motions:
+        if made and _goes_on(made[-1].executed, each.executed, site):
+            whole = _one_after_the_other(made[-1].executed, each.executed)
+            made[-1] = replace(made[-1], executed=whole, after=each.after)
+        else:
+            made.append(each)
+    return tuple(made)
+
+
+def _goes_on(first: Executed, second: Executed, site: Site) -> bool:
+    """True if the second begins where the first ended, which is no place that motions go away to."""
+    end, begin = first.commanded[-1, :3], second.commanded[0, :3]
+    return bool(np.linalg.norm(begin - end) < _JOINED_M and end[2] < site.travel_height_m - _ABOVE_M)
+
+
+def _one_after_the_other(first: Executed, second: Executed) -> Executed:
+    """Both motions as one, without the pause between them."""
+    pause_s = second.times_s[0] - first.times_s[-1] - _PERIOD_S
+    if not len(first.measured) or not len(second.measured):
+        first, second = replace(first, measured=first.measured[:0]), replace(second, measured=second.measured[:0])
+    return replace(
+        first,
+        times_s=np.concatenate([first.times_s, second.times_s - pause_s]),
+        commanded=np.concatenate([first.commanded, second.commanded]),
+        measured=np.concatenate([first.measured, second.measured]),
+        openings=np.concatenate([_openings_of(first), _openings_of(second)]),
+    )
+
+
+def _openings_of(executed: Executed) -> Float64[np.ndarray, " G"]:
+    return executed.openings if len(executed.openings) else np.zeros(len(executed.commanded))
+
+
 def demonstrated_motion(executed: Executed, tool: ToolPose, site: Site) -> Motion:
     """A motion that was made, as one to be made again: its corners, at the speeds that it had and the site allows.
 
-    Where it begins at the `tool`, as each but the first of several does that a hand made without going away, it
-    continues from there; any other is approached by way of the travel height.
+    Where it begins at the `tool`, it continues from there; any other is approached by way of the travel height, and
+    lifted to it at its end. What a hand held from one motion to the next is therefore joined before (`joined`).
     """
-    openings = executed.openings if len(executed.openings) else np.zeros(len(executed.commanded))
-    poses = np.concatenate([executed.commanded, openings[:, None]], axis=1)
+    poses = np.concatenate([executed.commanded, _openings_of(executed)[:, None]], axis=1)
     kept = corner_indices(poses * SCALE, _CORNER_M)
     steps = np.linalg.norm(np.diff(poses * SCALE, axis=0), axis=1)
     lasting_s = np.where(steps > _STILL_M, np.diff(executed.times_s), 0.0)

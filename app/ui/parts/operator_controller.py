@@ -90,11 +90,16 @@ class OperatorController:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
 
     def take_over(self, operator: str) -> None:
-        """Stop the arm, now and in this thread, and ask for it by hand; ignored of operators who may not command."""
+        """Stop the arm, now and in this thread, and ask for it by hand; ignored of operators who may not command.
+
+        Under a stop the arm is at rest, and the request is refused in words: that stop is lifted by Resume alone.
+        """
         with self._lock:
             if not self._may(operator):
                 return
-        self._stop()
+            stopped = self._state.is_stopped
+        if not stopped:
+            self._stop()
         with self._lock:
             self._issue(HandRequest(id=fresh_id("hand"), time_s=self.now(), operator=operator, act="take"))
 
