@@ -4,7 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mcap.writer import Writer
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.recording.format.channels import SCHEMA_VERSION
@@ -51,6 +52,35 @@ def test_a_recording_that_goes_away_before_it_is_read_is_said(recording: Recordi
     path.unlink()
     with pytest.raises(RecordingError, match="make sure that it is there"):
         next(messages)
+
+
+def compressed_otherwise(recording: Path, path: Path) -> Path:
+    """The same recording, with its chunks compressed by Zstandard, as other programs write them."""
+    with recording.open("rb") as read, path.open("wb") as write:
+        writer, reader = Writer(write, compression=CompressionType.ZSTD), make_reader(read)
+        writer.start()
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        known = dict[int, int]()
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in known:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+                known[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, kind)
+            writer.add_message(known[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    return path
+
+
+def test_a_damaged_chunk_of_zstandard_is_damage_as_any_other(recording: Recording, tmp_path: Path) -> None:
+    path = compressed_otherwise(recording.path, tmp_path / "zstd.mcap")
+    assert len(list(read_messages(path))) == len(recording.messages)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 400] = bytes(reversed(data[middle : middle + 400]))
+    path.write_bytes(data)
+    with pytest.raises(RecordingError) as refused:
+        list(read_messages(path))
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"[model]\nstiffness = 1.0\n"])
