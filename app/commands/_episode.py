@@ -29,7 +29,6 @@ from app.commands._version import code_version
 from app.config import Site
 from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
-from app.core.geometry.camera import CameraModel
 from app.core.geometry.object_description import KEY, ObjectDescription, recorded_object
 from app.core.geometry.scene_description import Stage
 from app.core.messages import Episode, Goal, Model, fresh_id
@@ -48,7 +47,7 @@ from app.recording.exchange.model_file import load_model
 from app.recording.library.session_recorder import SessionRecorder, open_studio
 from app.recording.read.reader import read_episode
 from app.recording.write.preflight import Room
-from app.services.same_setup import CollectionSetup, common_setup, recordings_of, require_same
+from app.services.same_setup import CollectionSetup, earlier_collection, require_same
 from app.session import Parts, Session
 from app.tasks import Task, load
 from app.tasks.elements.base import EpisodeConfig, Experiment
@@ -215,7 +214,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
         if options.probe:
             await to_thread.run_sync(probed_subject, task)
             config = replace(config, experiment=Experiment(budget=options.pushes))
-        await to_thread.run_sync(_check_setup, order, start, None)
+        before = await to_thread.run_sync(_resumed_setup, order, start, output)
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
@@ -225,7 +224,9 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
                 Text(f"Recording to {recorder.path}", no_wrap=True),
             )
-            await to_thread.run_sync(_check_setup, order, start, tuple(camera.model for camera in rig.cameras))
+            if order.resume is not None and before is not None:
+                now = CollectionSetup.of_episode(start, tuple(camera.model for camera in rig.cameras))
+                require_same(before, now, order.resume)
             with _announced_if_interrupted(output, recorder.path):
                 async with open_terminal(output, *heading) as terminal:
                     audience = Audience(console, terminal)
@@ -354,14 +355,18 @@ def _take_bytes(site: Site) -> int:
     return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 
-def _check_setup(order: RunOptions, start: Episode, cameras: tuple[CameraModel, ...] | None) -> None:
-    """Raises UsageError, which names what differs, where this is not the set-up that is to be resumed.
+def _resumed_setup(order: RunOptions, start: Episode, output: Output) -> CollectionSetup | None:
+    """The set-up that is to be resumed, which this one is but for the cameras: they are not known yet.
 
-    `cameras` None: they are not known yet.
+    Read before this session's own recording lies in the same folder. Raises UsageError, which names what differs.
     """
-    if order.resume is not None:
-        now = CollectionSetup.of_episode(start, cameras)
-        require_same(common_setup(recordings_of(order.resume)), now, order.resume)
+    if order.resume is None:
+        return None
+    earlier = earlier_collection(order.resume, start.task)
+    for sentence in earlier.skipped:
+        output.print(Text(sentence), soft_wrap=True)
+    require_same(earlier.setup, CollectionSetup.of_episode(start, None), order.resume)
+    return earlier.setup
 
 
 def _start(order: RunOptions, preset: str) -> Episode:

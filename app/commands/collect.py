@@ -27,7 +27,7 @@ from app.jobs.worker_api import choose_preset
 from app.recording.read.reader import read_episode
 from app.recording.write.writer import unused_path
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.services.same_setup import COLLECTED, CollectionSetup, common_setup, recordings_of, require_same
+from app.services.same_setup import COLLECTED, CollectionSetup, EarlierCollection, earlier_collection, require_same
 from app.tasks import load
 
 _TRIES = 5
@@ -85,8 +85,11 @@ def collect(
     setup[COLLECTED] = {"expert": expert, "eyes": eyes, "selection": "reached" if reached else "all"}
     kept = met = actions = 0
     if resume:
-        kept, seed = _resumed(folder, _setup(full, size, world, setup, eyes), seed)
-        terminal.print(f"{folder} holds {kept} recordings of this set-up.", markup=False)
+        earlier = earlier_collection(folder, task)
+        require_same(earlier.setup, _setup(full, size, world, setup, eyes), folder)
+        kept, seed = len(earlier.paths), _next_seed(earlier, seed)
+        for line in (*earlier.skipped, f"{folder} holds {kept} recordings of this set-up."):
+            terminal.print(line, markup=False)
     begun, wanted = kept, max(0, episodes - kept)
     seeds = range(seed, seed + (_TRIES if reached else 1) * wanted)
     with counting(terminal, TimeRemainingColumn()) as progress:
@@ -130,11 +133,9 @@ def _setup(full: str, size: str, world: RopeModel, setup: Mapping[str, Any], eye
     return CollectionSetup.of_episode(episode, table_cameras() if eyes == "cameras" else None)
 
 
-def _resumed(folder: Path, now: CollectionSetup, seed: int) -> tuple[int, int]:
-    """The number of recordings that are there, and the next problem's seed. Raises UsageError for another set-up."""
-    paths = recordings_of(folder)
-    require_same(common_setup(paths), now, folder)
-    return len(paths), max(seed, *(read_episode(path).seed + 1 for path in paths))
+def _next_seed(earlier: EarlierCollection, seed: int) -> int:
+    """The first seed from `seed` on that is after those of the recordings that are there."""
+    return max(seed, *(read_episode(path).seed + 1 for path in earlier.paths))
 
 
 def _outcome_text(shown: Demonstration) -> str:

@@ -15,7 +15,7 @@ from app.core.errors import RecordingError, UsageError
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.object_description import ObjectDescription, recorded_object
 from app.core.messages import Episode, Parameter
-from app.core.task_name import recorded_name
+from app.core.task_name import TaskName, recorded_name
 from app.recording.read.reader import read_cameras, read_episode
 
 _MOVED_M: Final = 2e-3
@@ -177,18 +177,49 @@ def _text(value: object) -> str:
             return json.dumps(_plain(value))
 
 
-def recordings_of(folder: Path) -> list[Path]:
-    """The recordings of a collection: those in the folder, or the file. Raises UsageError where there are none."""
-    paths = sorted(folder.glob("*.mcap")) if folder.is_dir() else [folder]
-    if not paths or not all(path.is_file() for path in paths):
-        raise UsageError(f"{folder} holds no recording to go on from; leave --resume out to begin a collection.")
-    return paths
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EarlierCollection:
+    """The recordings of a collection that can be gone on from, and their common set-up.
+
+    `skipped`: a sentence on each recording of the folder that is none of them.
+    """
+
+    paths: tuple[Path, ...]
+    setup: CollectionSetup
+    skipped: tuple[str, ...] = ()
 
 
-def common_setup(paths: Sequence[Path]) -> CollectionSetup:
+def earlier_collection(folder: Path, task: str) -> EarlierCollection:
+    """The collection in the folder, or of the one file, as far as it is of the problem of `task`, whatever its sizes.
+
+    Recordings of other problems are left out, and those that cannot be read: cut off, or still being written. Raises
+    UsageError where none is left, and RecordingError where two are of two set-ups already, or the one file cannot be
+    read.
+    """
+    if not folder.is_dir():
+        return EarlierCollection(paths=(folder,), setup=CollectionSetup.of_recording(folder))
+    found, skipped, problem = dict[Path, CollectionSetup](), list[str](), TaskName.parse(task).problem
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            setup = CollectionSetup.of_recording(path)
+        except (RecordingError, UsageError) as error:
+            skipped.append(f"Left out: {error}")
+            continue
+        if TaskName.parse(setup.task).problem == problem:
+            found[path] = setup
+        else:
+            skipped.append(f"Left out: {path} is of {setup.task}.")
+    if not found:
+        none = f"{folder} holds no recording of {problem} to go on from; leave --resume out to begin a collection."
+        raise UsageError(" ".join([none, *skipped[:1]]))
+    return EarlierCollection(paths=tuple(found), setup=_common_setup(found), skipped=tuple(skipped))
+
+
+def _common_setup(setups: Mapping[Path, CollectionSetup]) -> CollectionSetup:
     """The set-up of all these recordings. Raises RecordingError, which names two that differ."""
-    first = CollectionSetup.of_recording(paths[0])
-    for path in paths[1:]:
-        if found := list(differences(first, CollectionSetup.of_recording(path))):
-            raise RecordingError(f"{paths[0]} and {path} are of two set-ups already: {'; '.join(found)}.")
+    (begun, first), *others = setups.items()
+    for path, other in others:
+        if found := list(differences(first, other)):
+            raise RecordingError(f"{begun} and {path} are of two set-ups already: {'; '.join(found)}.")
     return first

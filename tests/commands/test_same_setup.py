@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.core.errors import UsageError
+from app.core.errors import RecordingError, UsageError
 from app.core.geometry.object_description import KEY, ObjectDescription
-from app.core.messages import Episode, Parameter, fresh_id
+from app.core.messages import Episode, Frame, Message, Parameter, fresh_id
 from app.evaluation import demonstrate
 from app.recording.read.reader import read_cameras, read_episode
 from app.rig.simulated.cameras.cameras import table_cameras
-from app.services.same_setup import CollectionSetup, differences, require_same
+from app.services.same_setup import CollectionSetup, differences, earlier_collection, require_same
+from tests.recording.samples import Maker, record
+from tests.ui.test_whole_cell import address, heeding_interrupts, started
+
+__all__ = ["heeding_interrupts"]
 
 GREEN = 'kind = "rope"\ncolour = "#1a8033"\n'
 
@@ -139,3 +143,55 @@ def test_a_collection_goes_on_in_another_session_with_the_same_object_and_no_oth
     assert main([*order, "--episodes", "3", "--resume", "-o", str(tmp_path / "none")]) == UsageError.exit_code
     assert "leave --resume out" in capsys.readouterr().err
     assert len(list(folder.glob("*.mcap"))) == 2
+
+
+def recorded(folder: Path, task: str) -> Path:
+    """A recording of a task in the simulated cell, with an image of each camera."""
+    make = Maker(seed=1)
+    episode = make(Episode, cause=(), task=task, rig="simulated", config="{}")
+    images: list[Message] = [make(Frame, cause=(), camera=camera) for camera in table_cameras()]
+    return record(folder, episode, images)
+
+
+def cut_off(whole: Path) -> Path:
+    """The beginning of a recording, as one that is still being written lies there."""
+    path = whole.with_name("cut.mcap")
+    path.write_bytes(whole.read_bytes()[:-40])
+    return path
+
+
+def test_recordings_of_other_tasks_and_cut_off_ones_are_left_out_and_named(tmp_path: Path) -> None:
+    kept = recorded(tmp_path, "rope_push")
+    other, cut = recorded(tmp_path, "bean_sweep"), cut_off(kept)
+    found = earlier_collection(tmp_path, "rope_push@rods")
+    assert (found.paths, found.setup.task) == ((kept,), "rope_push")
+    said = " ".join(found.skipped)
+    assert len(found.skipped) == 2
+    assert f"{other} is of bean_sweep" in said
+    assert f"{cut} is cut off, or still being written" in said
+    # The same task of another size is another set-up.
+    recorded(tmp_path, "rope_push(mass_kg=0.05)")
+    with pytest.raises(RecordingError, match="of two set-ups already: the task"):
+        earlier_collection(tmp_path, "rope_push")
+
+
+def test_where_no_recording_of_the_task_is_left_there_is_nothing_to_go_on_from(tmp_path: Path) -> None:
+    cut = cut_off(recorded(tmp_path, "bean_sweep"))
+    with pytest.raises(UsageError, match="holds no recording of rope_push to go on from") as refused:
+        earlier_collection(tmp_path, "rope_push")
+    assert "\n" not in str(refused.value)
+    # One file is read, or refused.
+    with pytest.raises(RecordingError, match="cut off"):
+        earlier_collection(cut, "rope_push")
+    assert earlier_collection(next(tmp_path.glob("*bean*.mcap")), "rope_push").setup.task == "bean_sweep"
+
+
+@pytest.mark.serial
+@pytest.mark.usefixtures("heeding_interrupts")
+def test_a_console_goes_on_with_the_folder_in_which_it_records(tmp_path: Path) -> None:
+    kept = recorded(tmp_path, "rope_push")
+    cut_off(kept)
+    options = ("--port", 0, "--preset", "cpu", "--no-calibrate", "--recordings", tmp_path, "--resume", tmp_path)
+    with started("console", "rope_push", *options) as console:
+        assert address(console).startswith("http")
+    assert len(list(tmp_path.glob("*.mcap"))) == 3
