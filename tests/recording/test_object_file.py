@@ -87,6 +87,8 @@ def test_every_kind_within_its_ranges_is_read_back(
         ("length_m = 0.32", "length_cm = 32", "write length_m = 0.32"),
         ("mass_kg = 0.03", "mass_g = 30", "write mass_kg = 0.03"),
         ("length_m = 0.32", "length_mm = 'long'", "write length_m"),
+        ("length_m = 0.32", f"length_mm = 1{400 * '0'}", "no finite number"),
+        ("length_m = 0.32", "length_mm = nan", "no finite number"),
         ("length_m = 0.32", "length_m = nan", "no finite number"),
         ("length_m = 0.32", "length_m = '0.32'", "no number"),
         ("length_m = 0.32", "count = 40", "not known"),
@@ -148,3 +150,27 @@ def test_a_file_of_sizes_alone_is_of_any_kind(tmp_path: Path) -> None:
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="another place"):
         save_object(tmp_path / "none" / "object.toml", WHOLE)
+
+
+@pytest.mark.parametrize("name", [f"{300 * 'a'}.toml", "a/../../none/object.toml"])
+def test_a_name_that_no_file_can_have_is_said(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="another place"):
+        save_object(tmp_path / name, WHOLE)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            'kind = "rope"\nlength_m = 5.0\n',
+            "out of its range is there, and stays: .*object.toml: length_m = 5 is outside its range",
+        ),
+        ("x = 1\n", "cannot be read as the file of an object; choose another name"),
+    ],
+)
+def test_of_a_file_that_is_there_and_stays_the_truth_is_said(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "object.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=said):
+        save_object(path, WHOLE)
+    assert path.read_text() == text

@@ -113,7 +113,8 @@ async def test_a_demonstration_is_read_again_by_its_name_in_the_sessions_folder_
         assert task == "rope_push"
         assert ids(transitions) == ids(moved)
         (tmp_path / "other.mcap").write_bytes(path.read_bytes())
-        for named in ("../other.mcap", str(tmp_path / "other.mcap"), "none.mcap", "", ".", "a\0.mcap"):
+        long = f"{300 * 'a'}.mcap"
+        for named in ("../other.mcap", str(tmp_path / "other.mcap"), "none.mcap", "", ".", "a\0.mcap", long):
             with pytest.raises(UsageError, match="There is no demonstration"):
                 await studio.demonstration(named)
 

@@ -72,16 +72,34 @@ def save_object(path: Path, description: ObjectDescription) -> None:
         raise
     except ValueError as error:
         raise UsageError(f"This describes no object: {error}.") from None
-    try:
-        if path.exists():
-            load_object(path)
-    except UsageError:
-        raise UsageError(f"{path} is there, and is no file of an object; choose another name.") from None
+    _refuse_other_file(path)
     try:
         with replacement(path) as new:
             new.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"Cannot write the object to {path}: {error.strerror}; choose another place.") from None
+        raise _unwritable(path, error) from None
+
+
+def _refuse_other_file(path: Path) -> None:
+    """Raises UsageError where a file is there that is none of an object, or of one that cannot be."""
+    try:
+        if path.exists():
+            load_object(path)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    except ParameterError as error:
+        raise UsageError(
+            f"An object with a number out of its range is there, and stays: {error} Correct that file, or choose "
+            "another name."
+        ) from None
+    except UsageError:
+        raise UsageError(
+            f"{path} is there, and cannot be read as the file of an object; choose another name."
+        ) from None
+
+
+def _unwritable(path: Path, error: OSError) -> UsageError:
+    return UsageError(f"Cannot write the object to {path}: {error.strerror}; choose another place.")
 
 
 def _table(description: ObjectDescription) -> dict[str, Any]:
@@ -151,7 +169,7 @@ def _refuse_other_unit(key: str, value: object, known: Mapping[str, Range]) -> N
         wanted = f"{key.removesuffix(f'_{suffix}')}_{unit}"
         if key.endswith(f"_{suffix}") and key not in known and wanted in known:
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            written = f"{wanted} = {value * scale:.6g}" if number else wanted  # pyright: ignore[reportOperatorIssue]
+            written = f"{wanted} = {finite_number(key, value) * scale:.6g}" if number else wanted
             raise ValueError(f"{key!r} is not known; write {written}")
 
 

@@ -186,9 +186,17 @@ class SessionRecorder:
 def _demonstration_in(folder: Path, recording: str) -> tuple[str, Sequence[Transition]]:
     path = folder / recording
     plain = recording.isprintable() and path.name == recording
-    if not plain or path.suffix != ".mcap" or not path.is_file():  # A browser may ask for anything.
+    if not plain or path.suffix != ".mcap" or not _is_file(path):  # A browser may ask for anything.
         raise UsageError(f"There is no demonstration {recording!r} in {folder}; name a file of that folder.")
     return recorded_name(read_episode(path).task), read_transitions(path)
+
+
+def _is_file(path: Path) -> bool:
+    """True for a file; false for a name that no file can have, too, such as one that is too long."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _end(take: EpisodeRecorder, said: SuccessLabel | None, operator: str) -> None:
