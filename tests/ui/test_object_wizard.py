@@ -10,7 +10,8 @@ from viser import ViserServer
 
 from app.core.dialogue.object_messages import MeasuredObject, MeasuredSize
 from app.core.dialogue.requests import DemonstrationRequest, HandRequest, MeasureRequest, StartPoseRequest
-from app.core.errors import UsageError
+from app.core.errors import ParameterError, UsageError
+from app.core.geometry.object_description import ObjectType
 from app.core.messages import Parameter, fresh_id
 from app.recording.exchange.object_file import load_object, save_object
 from app.ui.parts.console_state import ConsoleState
@@ -93,13 +94,59 @@ def test_fields_follow_a_measurement_are_corrected_and_saved_as_a_file_that_is_r
     tab._seen.value = tab._learned.value = False
     assert tab._description().colours is None
     assert tab._description().priors == ()
-    # Another kind has other fields, and a measurement out of range is shown at its end.
-    sizes = (MeasuredSize(name="count", value=300.0, sd=9.0),)
+    # Another kind has other fields.
+    sizes = (MeasuredSize(name="count", value=30.0, sd=9.0),)
     tab.paint(replace(ConsoleState(), measured=replace(FOUND, kind="beans", sizes=sizes)))
-    assert (set(tab._fields), tab._fields["count"].value) == ({"count", "mass_kg"}, 80.0)
+    assert (set(tab._fields), tab._fields["count"].value) == ({"count", "mass_kg"}, 30.0)
 
 
-@pytest.mark.parametrize("named", ["../object.toml", "a/b.toml", "/etc/object.toml", "object.txt", "", ".toml/x"])
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("kind", "size", "shown", "said", "corrected"),
+    [
+        ("rope", MeasuredSize(name="length_m", value=0.9, sd=0.007), 900.0, "Length [mm] 900 (it simulates 180", 780.0),
+        (
+            "beans",
+            MeasuredSize(name="count", value=95.0, sd=3.0),
+            95.0,
+            "Number of pieces 95 (it simulates 20 to",
+            80.0,
+        ),
+    ],
+)
+def test_a_size_that_cannot_be_simulated_is_shown_as_measured_and_not_saved_until_it_is_corrected(
+    kind: ObjectType,
+    size: MeasuredSize,
+    shown: float,
+    said: str,
+    corrected: float,
+    server: ViserServer,
+    tmp_path: Path,
+) -> None:
+    program = Program()
+    tab = ObjectTab(server.gui, program.controller, tmp_path)
+    tab.paint(replace(ConsoleState(), measured=replace(FOUND, kind=kind, sizes=(size,))))
+    field = tab._fields[size.name]
+    assert field.value == shown
+    assert said in tab._said._handle.content
+    tab._fields["mass_kg"].value = 50.0
+    with pytest.raises(ParameterError, match=r"Outside of what the task can simulate.*by hand") as refused:
+        tab._save_to("object.toml")
+    assert said in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+    field.value = corrected
+    tab._save_to("object.toml")
+    read = load_object(tmp_path / "object.toml")
+    assert read.sizes[size.name] == pytest.approx(corrected * size.value / shown)
+    # A measurement within the range says nothing of it.
+    tab.paint(replace(ConsoleState(), measured=replace(FOUND, id=fresh_id("measured"))))
+    assert "simulate" not in tab._said._handle.content
+
+
+@pytest.mark.parametrize(
+    "named",
+    ["../object.toml", "a/b.toml", "/etc/object.toml", "object.txt", "", ".toml/x", f"{300 * 'a'}.toml", "\udc80.toml"],
+)
 def test_files_are_written_into_the_programs_folder_alone(named: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no name for it"):
         _path(tmp_path, named)

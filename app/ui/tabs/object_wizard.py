@@ -1,5 +1,6 @@
 """The tab that describes the object: measured in the live view, corrected by hand, saved as a file."""
 
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
@@ -8,7 +9,7 @@ import viser
 
 from app.core.dialogue.object_messages import MeasuredObject
 from app.core.dialogue.requests import MeasureRequest
-from app.core.errors import DipacError, UsageError
+from app.core.errors import DipacError, ParameterError, UsageError
 from app.core.geometry.object_description import SIZES_OF, ObjectDescription, ObjectType
 from app.core.messages import Model, Parameter, fresh_id
 from app.recording.exchange.object_file import save_object
@@ -86,13 +87,13 @@ class ObjectTab:
         if found is None or found is self._shown:
             return
         self._shown = found
-        self._said.put(card(found))
+        self._said.put(card(found) + _warning(found))
         self._saved.put("")
         if found.kind != self._kind:
             self._build_fields(found.kind)
         for size in found.sizes:
             if size.name in self._fields:
-                self._fields[size.name].value = _clipped(found.kind, size.name, size.value)
+                self._fields[size.name].value = _in_field(size.name, size.value)
         if len(found.colour) == len(_GREY):
             red, green, blue = (round(255 * each) for each in found.colour)
             self._colour.value = (red, green, blue)
@@ -109,12 +110,9 @@ class ObjectTab:
                     continue
                 unit = _UNITS[name]
                 step = 1.0 if name == "count" else _step(unit.scale * (high - low) / _STEPS)
+                # A bound of the field would change what was measured without a word.
                 self._fields[name] = self._gui.add_number(
-                    unit.label,
-                    unit.scale * low,
-                    min=unit.scale * low,
-                    max=unit.scale * high,
-                    step=step,
+                    unit.label, unit.scale * low, step=step, hint=_range_text(kind, name)
                 )
         for shown in (self._name, self._colour, self._learned, self._file, self._save):
             shown.visible = True
@@ -129,8 +127,7 @@ class ObjectTab:
             self._controller.tell(f"{who} has no control; take it first.")
             return
         try:
-            path = _path(self._folder, str(self._file.value))
-            save_object(path, self._description())
+            path = self._save_to(str(self._file.value))
         except DipacError as error:
             self._saved.put(f"<div class='dp'><small class='dp-bad'>Not saved. {escape(str(error))}</small></div>")
         else:
@@ -138,6 +135,13 @@ class ObjectTab:
             self._saved.put(
                 f"<div class='dp'><small>Saved. Begin a session with <b>{used}</b> to use it.</small></div>"
             )
+
+    def _save_to(self, named: str) -> Path:
+        """Write the file of that name, and return it. Raises UsageError where it cannot be written or simulated."""
+        path, description = _path(self._folder, named), self._description()
+        _require_simulable(description)
+        save_object(path, description)
+        return path
 
     def _description(self) -> ObjectDescription:
         red, green, blue = (round(each / 255, 3) for each in self._colour.value)
@@ -165,16 +169,58 @@ def _path(folder: Path, named: str) -> Path:
     """The file of that name in the folder. Raises UsageError for any other: any user of the page may name files."""
     name = named.strip()
     path = folder / name
-    if not name.endswith(".toml") or Path(name).name != name or path.is_symlink():
+    if not name.endswith(".toml") or not name.isprintable() or Path(name).name != name or not _may_be_file(path):
         raise UsageError(f"{named!r} is no name for it; give a plain one such as {_NAME}.")
     return path
 
 
-def _clipped(kind: ObjectType, name: str, value: float) -> float:
-    """A size as it is shown, within its range."""
+def _may_be_file(path: Path) -> bool:
+    """False for a link, and for a name that no file can have, such as one that is too long."""
+    try:
+        return not path.is_symlink()
+    except (OSError, ValueError):
+        return False
+
+
+def _outside(kind: ObjectType, name: str, value: float) -> str:
+    """Clause on a size in SI that the task cannot simulate, as its field shows it; empty for any other."""
     low, high = SIZES_OF[kind][name]
-    scale = _UNITS[name].scale
-    return min(max(float(f"{scale * value:.4g}"), scale * low), scale * high)
+    if low <= _in_si(name, _in_field(name, value)) <= high:
+        return ""
+    return f"{_UNITS[name].label} {_in_field(name, value):g} (it simulates {_range_text(kind, name)})"
+
+
+def _outsides(kind: ObjectType, sizes: Iterable[tuple[str, float]]) -> str:
+    found = (_outside(kind, name, value) for name, value in sizes if name in _UNITS and name in SIZES_OF[kind])
+    return ", ".join(filter(None, found))
+
+
+def _warning(found: MeasuredObject) -> str:
+    """Sentence on measured sizes that the task cannot simulate; empty where there is none."""
+    outside = _outsides(found.kind, ((size.name, size.value) for size in found.sizes))
+    if not outside:
+        return ""
+    said = f"Outside of what the task can simulate: {outside}. Correct it below by hand; until then it is not saved."
+    return f"<div class='dp'><small class='dp-bad'>{escape(said)}</small></div>"
+
+
+def _require_simulable(description: ObjectDescription) -> None:
+    """Raises ParameterError where a size is outside of what the task can simulate, as its field shows it."""
+    kind = description.kind
+    outside = _outsides(kind, description.sizes.items()) if kind is not None else ""
+    if outside:
+        raise ParameterError(f"Outside of what the task can simulate: {outside}. Correct it by hand.")
+
+
+def _range_text(kind: ObjectType, name: str) -> str:
+    """Range of a size in the unit of its field."""
+    low, high = (_UNITS[name].scale * end for end in SIZES_OF[kind][name])
+    return f"{low:g} to {high:g}"
+
+
+def _in_field(name: str, value: float) -> float:
+    """A size in SI as its field shows it."""
+    return float(f"{_UNITS[name].scale * value:.4g}")
 
 
 def _in_si(name: str, value: float) -> float:
