@@ -19,7 +19,7 @@ from app.perception.reconstruct import Reconstruction, reconstruct
 from app.perception.tool_and_table_points import table_points, tool_points
 from app.recording.exchange.npz_import import Plain, Poseline, about_in_table, parse_arrays
 from app.recording.exchange.streams.measured_episode import MeasuredEpisode, SceneView
-from app.recording.exchange.streams.rgbd import transform_points
+from app.recording.exchange.streams.rgbd import DepthUnits, transform_points
 from app.recording.exchange.streams.stream_map import StreamMap
 from app.services.motion_intervals import Interval, find_motions
 from app.tasks.elements.base import Task
@@ -116,6 +116,7 @@ class _Search:
     how: Reconstruction
     streams: StreamMap
     place: TablePlace
+    units: DepthUnits = field(default_factory=DepthUnits)
     motions: int = 0
     without_view: int = 0
     away: int = 0
@@ -205,6 +206,8 @@ class _Search:
         view = look()
         if not view.frames:
             return _Seen(time_s, phase, _object_points(view, self.how), _NOTHING, None)
+        for frame in view.frames:
+            self.units.add(frame)
         cloud = reconstruct(view.frames, self.how).surface
         if phase == "before" and not len(episode.table):
             episode.table = table_points(view.frames, self.how)
@@ -212,7 +215,7 @@ class _Search:
         tool = _NOTHING
         if tip is not None and radius_m is not None:
             tool = tool_points(view.frames, tip, self.how, radius_m=radius_m)
-        return _Seen(time_s, phase, cloud, tool, lambda: look().frames)
+        return _Seen(time_s, phase, cloud, tool, lambda: tuple(map(self.units.in_unit, look().frames)))
 
     def _finger_radius_m(self) -> float | None:
         """Radius of a round finger; None where nobody says it, or of another tool."""

@@ -10,7 +10,8 @@ import trimesh
 
 from app.commands.import_ import import_
 from app.core.errors import DipacError
-from app.recording.read.reader import read_transitions
+from app.core.messages import Frame
+from app.recording.read.reader import read_messages, read_transitions
 from tests.recording.rope_scene import RopeScene, poses
 
 SCENE = RopeScene(pushes=1, step_s=0.1)
@@ -87,6 +88,31 @@ def test_images_with_depth_and_poses_are_a_push(join: str, as_array: bool, tmp_p
     (tmp_path / "topics.toml").write_text(TOPICS)
     import_(folder, output=tmp_path / "new.mcap", task="rope_push", topics=tmp_path / "topics.toml")
     require_push(tmp_path / "new.mcap", 3e-3)
+
+
+@pytest.mark.parametrize(("far_m", "unit_m"), [(0.0, 0.0001), (9.0, 0.001)])
+def test_depth_of_which_some_images_are_whole_millimetres_comes_in_in_one_unit(
+    far_m: float, unit_m: float, tmp_path: Path
+) -> None:
+    folder, truth = image_folder(tmp_path / "images", as_array=True), dict[float, np.ndarray]()
+    for number, file in enumerate(sorted(folder.glob("*.npy"), key=lambda it: int(it.stem.partition("_")[0]))):
+        away = np.load(file)
+        if number % 2 == 0:
+            away = np.round(away, 3)
+        if number % 2 == 0 and far_m:
+            away[0, 0] = far_m
+        np.save(file, away)
+        truth[SCENE.tool()[0][number * EVERY]] = away
+    (tmp_path / "topics.toml").write_text(TOPICS)
+    import_(folder, output=tmp_path / "new.mcap", task="rope_push", topics=tmp_path / "topics.toml")
+    frames = [it for it in read_messages(tmp_path / "new.mcap", [Frame]) if isinstance(it, Frame)]
+    assert len(frames) > 2
+    assert {frame.camera.depth_unit_m for frame in frames} == {unit_m}
+    read = [frame.depth * unit_m for frame in frames]
+    for depth in read:
+        nearest = min(np.abs(depth - away).max() for away in truth.values())
+        assert nearest <= 0.51 * unit_m
+    assert (max(depth.max() for depth in read) == pytest.approx(9.0)) == bool(far_m)
 
 
 @pytest.mark.parametrize("suffix", ["ply", "npz", "npy"])

@@ -163,6 +163,31 @@ def test_depth_in_other_steps_than_millimetres_becomes_metres(tmp_path: Path) ->
     assert np.array_equal(metres, (frame.depth * 0.00025).astype(np.float32))
 
 
+@pytest.mark.parametrize("first_m", [0.001, 0.0001])
+def test_a_camera_that_changes_its_unit_of_depth_has_one_in_the_dataset(first_m: float, tmp_path: Path) -> None:
+    said = list(read_messages(demonstration(tmp_path / "one")))
+    episode = next(message for message in said if isinstance(message, Episode))
+    kept = [message for message in said if isinstance(message, Goal | Particles | Frame | Executed)]
+    frames = [message for message in kept if isinstance(message, Frame) and message.camera.name == "camera0"]
+    other_m = 0.001 + 0.0001 - first_m
+    turned = {
+        frame.id: replace(frame, camera=replace(frame.camera, depth_unit_m=other_m if number % 2 else first_m))
+        for number, frame in enumerate(frames)
+    }
+    path = record(tmp_path / "two", episode, [turned.get(message.id, message) for message in kept])
+    samples = sample(path, FPS)
+    images = samples.images["camera0"]
+    assert (images.depth_unit, samples.images["camera1"].depth_unit) == ("m", "mm")
+    assert images.camera is not None, "its place and its optics are the same"
+    for push, frame in enumerate(turned.values()):
+        if push < PUSHES:
+            depth = tiff_depth(images.depth[push * FPS])
+            assert depth.dtype == np.float32
+            assert np.array_equal(depth, (frame.depth * frame.camera.depth_unit_m).astype(np.float32))
+    # Images that several steps show are still one.
+    assert len(set(images.depth)) == PUSHES
+
+
 def test_images_without_any_reading_of_depth_have_none_in_the_dataset(tmp_path: Path) -> None:
     path = demonstration(tmp_path / "with")
     said = list(read_messages(path))

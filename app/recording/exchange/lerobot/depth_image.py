@@ -5,11 +5,12 @@ millimetres, 32 bits metres. 0 is no reading.
 """
 
 import io
+from collections.abc import Sequence
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 import PIL.Image
-from jaxtyping import Float32, UInt16
+from jaxtyping import Float32, Float64, UInt16
 
 from app.core.geometry.camera import CameraModel
 
@@ -32,13 +33,33 @@ def depth_pixels(camera: CameraModel, depth: bytes) -> UInt16[np.ndarray, "heigh
 
 def depth_tiff(camera: CameraModel, steps: UInt16[np.ndarray, "height width"]) -> bytes:
     """The depth image in the unit of `depth_unit`, packed without loss."""
+    if depth_unit(camera) == "m":
+        return _metres_tiff(steps * camera.depth_unit_m)
     stream = io.BytesIO()
-    if depth_unit(camera) == "mm":
-        image = PIL.Image.fromarray(steps)
-        image.save(stream, "TIFF", compression="tiff_adobe_deflate", tiffinfo={_PREDICTOR: _HORIZONTAL})
-    else:
-        image = PIL.Image.fromarray((steps * camera.depth_unit_m).astype(np.float32))
-        image.save(stream, "TIFF", compression="tiff_adobe_deflate")
+    image = PIL.Image.fromarray(steps)
+    image.save(stream, "TIFF", compression="tiff_adobe_deflate", tiffinfo={_PREDICTOR: _HORIZONTAL})
+    return stream.getvalue()
+
+
+def with_one_unit(files: Sequence[bytes], unit: DepthUnit) -> list[bytes]:
+    """Files of `depth_tiff` in one unit: of "m" those of millimetres are turned into metres, and "mm" needs no other.
+
+    Equal files stay equal.
+    """
+    if unit == "mm":
+        return list(files)
+    of = {data: _in_metres(data) for data in set(files)}
+    return [of[data] for data in files]
+
+
+def _in_metres(data: bytes) -> bytes:
+    values = tiff_depth(data)
+    return data if values.dtype.kind == "f" else _metres_tiff(values * _MM_M)
+
+
+def _metres_tiff(depth_m: Float64[np.ndarray, "height width"]) -> bytes:
+    stream = io.BytesIO()
+    PIL.Image.fromarray(depth_m.astype(np.float32)).save(stream, "TIFF", compression="tiff_adobe_deflate")
     return stream.getvalue()
 
 

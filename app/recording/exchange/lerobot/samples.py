@@ -14,7 +14,7 @@ from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.track import poses_at
 from app.core.messages import Episode, Executed, Goal, Particles
-from app.recording.exchange.lerobot.depth_image import DepthUnit, depth_pixels, depth_tiff, depth_unit
+from app.recording.exchange.lerobot.depth_image import DepthUnit, depth_pixels, depth_tiff, depth_unit, with_one_unit
 from app.recording.read.reader import Picture, read_frame_times, read_messages, read_pictures
 
 STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
@@ -24,7 +24,7 @@ STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraImages:
-    """The newest images of one camera at each step: `jpeg`, and `depth` as TIFF files of `depth_unit`.
+    """The newest images of one camera at each step: `jpeg`, and `depth` as TIFF files, all of `depth_unit`.
 
     `depth` is empty where none of them has a reading. `camera`: its place and optics, None where they change.
     """
@@ -179,11 +179,12 @@ class _NewestImages:
         """All of them, when no image is left to add."""
         self._fill(math.inf)
         first = self.cameras[0]
+        unit: DepthUnit = "mm" if all(depth_unit(camera) == "mm" for camera in self.cameras) else "m"
         return CameraImages(
             size=(first.height, first.width),
             jpeg=self.jpeg,
-            depth=self.depth if self.has_depth else [],
-            depth_unit=depth_unit(first),
+            depth=with_one_unit(self.depth, unit) if self.has_depth else [],
+            depth_unit=unit,
             camera=first if all(is_same_camera(first, other) for other in self.cameras) else None,
         )
 
@@ -205,8 +206,7 @@ class _NewestImages:
 def is_same_camera(one: CameraModel, other: CameraModel) -> bool:
     """True for cameras of one place and optics, but for what a file of decimal numbers rounds."""
     return bool(
-        (one.name, one.width, one.height, one.depth_unit_m)
-        == (other.name, other.width, other.height, other.depth_unit_m)
+        (one.name, one.width, one.height) == (other.name, other.width, other.height)
         and np.allclose(one.K, other.K, atol=1e-6)
         and np.allclose(one.T_world_camera, other.T_world_camera, atol=1e-9)
     )

@@ -142,6 +142,31 @@ class RgbdPair:
         return found
 
 
+@final
+class DepthUnits:
+    """Units of depth of several cameras, one each, for images of which some have parts of a millimetre and some not."""
+
+    def __init__(self) -> None:
+        self._told = dict[str, set[float]]()
+        self._farthest_m = dict[str, float]()
+
+    def add(self, frame: Frame) -> None:
+        """Take a frame into account."""
+        name, unit_m = frame.camera.name, frame.camera.depth_unit_m
+        self._told.setdefault(name, set()).add(unit_m)
+        self._farthest_m[name] = max(self._farthest_m.get(name, 0.0), float(frame.depth.max(initial=0)) * unit_m)
+
+    def in_unit(self, frame: Frame) -> Frame:
+        """A frame that was added, in its camera's unit: the finest that was told and reaches, or else the coarsest."""
+        name, own_m = frame.camera.name, frame.camera.depth_unit_m
+        finest_m, coarsest_m = min(self._told[name]), max(self._told[name])
+        unit_m = finest_m if self._farthest_m[name] <= _DEEPEST * finest_m else coarsest_m
+        if unit_m == own_m:
+            return frame
+        depth = _steps(frame.depth.astype(np.float64) * own_m, unit_m)
+        return replace(frame, camera=replace(frame.camera, depth_unit_m=unit_m), depth=depth)
+
+
 def transform_points(points: Cloud, T: Transform) -> Cloud:
     """The points in the frame that `T` maps to."""
     return (points @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
