@@ -58,7 +58,7 @@ class SessionStages:
         self._began_s = self._touched_s = parts.clock.now()
         self._attempts = self._refused = 0
         self._moved_s = self._began_s
-        self._due: MessageId = ""
+        self._due = MessageId("")
         self._observed: Particles | None = None
 
     async def observe(self) -> Particles | None:

@@ -32,7 +32,7 @@ class RequestedMotions(NamedTuple):
     operator: str
     demonstration: tuple[Transition, ...] = ()
     resting: bool = False
-    asked: MessageId = ""
+    asked: MessageId = MessageId("")
 
 
 @final

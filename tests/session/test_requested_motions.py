@@ -17,7 +17,7 @@ from app.core.dialogue.requests import DemonstrationRequest, EditRequest, HandRe
 from app.core.errors import MotionRefused, PlanningError, UsageError
 from app.core.messages import Executed, Health, Message, Notice, Outcome, Proposal, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
-from app.session.requests.requested_motions import demonstrated_motion, joined, require_same_scene, way_to
+from app.session.requests.requested_motions import demonstrated_motion, join_motions, require_same_scene, way_to
 from tests.session.cell import Run, for_a_while, fresh_plan, jogs, pushes, running, small_site, small_wish, some
 from tests.ui import synthetic
 
@@ -340,7 +340,7 @@ def test_what_a_hand_holds_between_two_motions_is_not_let_go() -> None:
     low, carried, high = [0.4, 0.0, 0.03], [0.5, 0.0, 0.03], [0.5, 0.0, site.travel_height_m]
     first, second, third = moved(high, low, 0.0), moved(low, carried, 7.0), moved(carried, high, 30.0)
     elsewhere = moved(high, carried, 50.0)
-    one, other = joined((first, second, third, elsewhere), site)
+    one, other = join_motions((first, second, third, elsewhere), site)
     assert other is elsewhere
     assert (one.before is first.before, one.after is third.after) == (True, True)
     assert len(one.executed.commanded) == len(one.executed.tool) == len(one.executed.times_s) == 60

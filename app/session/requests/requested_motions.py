@@ -107,7 +107,7 @@ class RequestedMotionProposals:
         if not whole:
             raise RecordingError(f"{request.recording} holds no motion that was made to its end.")
         require_same_scene(whole[0].before, observed.positions, self._site.timing.plan_max_drift_m)
-        return MotionsRequest(RequestedMotions(request.operator, joined(whole, self._site)), request.id)
+        return MotionsRequest(RequestedMotions(request.operator, join_motions(whole, self._site)), request.id)
 
     def _check(self, motion: Motion) -> None:
         """Raises MotionRefused where the arm's process would refuse the motion from where the tool is."""
@@ -190,7 +190,7 @@ def require_same_scene(shown: Points, observed: Points, most_m: float) -> None:
         )
 
 
-def joined(motions: Sequence[Transition], site: Site) -> tuple[Transition, ...]:
+def join_motions(motions: Sequence[Transition], site: Site) -> tuple[Transition, ...]:
     """The motions, those as one that begin where the tool was left below the travel height, at or in the object."""
     made = list[Transition]()
     for each in motions:
@@ -230,7 +230,7 @@ def demonstrated_motion(executed: Executed, tool: ToolPose, site: Site) -> Motio
     """A motion that was made, as one to be made again: its corners, at the speeds that it had and the site allows.
 
     Where it begins at the `tool`, it continues from there; any other is approached by way of the travel height, and
-    lifted to it at its end. What a hand held from one motion to the next is therefore joined before (`joined`).
+    lifted to it at its end. What a hand held from one motion to the next is therefore joined before (`join_motions`).
     """
     poses = np.concatenate([executed.commanded, _openings_of(executed)[:, None]], axis=1)
     kept = corner_indices(poses * SCALE, _CORNER_M)
