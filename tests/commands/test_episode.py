@@ -31,6 +31,7 @@ def test_a_cell_whose_rope_is_not_simulated_is_in_no_world_of_ropes(rig):
         order.stage(load("rope_push"))
 
 
+@pytest.mark.serial
 def test_a_segmenter_that_is_none_is_refused_before_anything_starts(capsys, tmp_path):
     (tmp_path / "none.onnx").write_bytes(b"no network")
     order = [
