@@ -26,7 +26,7 @@ from app.policy.random_pushes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
-from bench.hidden.draws import BODIES, SIZES, WORLDS, Case, Making, Spread, World, drawn, families_of
+from bench.hidden.draws import BODIES, SIZES, WORLDS, Case, CaseDistribution, Making, World, drawn, families_of
 from bench.hidden.figures import write_figures
 from bench.hidden.outcome import outcome
 from bench.hidden.scores import rows
@@ -60,7 +60,7 @@ def main(options: Sequence[str] | None = None) -> None:
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
         making=making,
-        spread=Spread(sizes=tuple(given.sizes), family=given.family),
+        cases=CaseDistribution(sizes=tuple(given.sizes), family=given.family),
         baselines=given.baselines,
         made=given.made,
     )
@@ -75,7 +75,7 @@ def main(options: Sequence[str] | None = None) -> None:
     if given.light and making.dynamics == "mpm" and making.body is Rope:
         raise UsageError("--light makes ropes that are doubted as rods; leave --light or --dynamics mpm out.")
     numbers = range(given.first, given.first + given.n)
-    cases = [drawn(given.seed, number, world, setup.making, setup.spread) for number in numbers for world in worlds]
+    cases = [drawn(given.seed, number, world, setup.making, setup.cases) for number in numbers for world in worlds]
     _try(output, cases, setup, given.into, given.merge, where=given.workers, jobs=given.jobs)
     lines = [line for line in ledger.read([*given.merge, given.into]) if _is_of(line, setup)]
     done = ledger.finished(lines)
@@ -88,7 +88,7 @@ def main(options: Sequence[str] | None = None) -> None:
 def _is_of(line: dict[str, Any], setup: Setup) -> bool:
     """True if the recordings of a line were made under the same conditions, and drawn from as many."""
     case, making = ledger.whole_case(line), setup.making
-    if (tuple(case["sizes"]), case["family"]) != (setup.spread.sizes, setup.spread.family):
+    if (tuple(case["sizes"]), case["family"]) != (setup.cases.sizes, setup.cases.family):
         return False
     seen = case["images"] == making.images or case["world"] == "own"
     return (case["task"], case["dynamics"]) == (making.task, making.dynamics) and seen

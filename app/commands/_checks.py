@@ -1,33 +1,28 @@
 """Checks of `doctor`: each is a function that returns findings, and each finding names the command that mends it."""
 
-import json
 import os
 import platform
 import re
 import shutil
-import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, final
+from typing import Literal, TypeAlias, final
 
 import psutil
 
 from app import __version__
 from app.config import Site
+from app.core.system.probe import ProbeResult, probe
 from app.core.system.processes import may_run_in_real_time
 from app.rig.kinova.client.clients import CLIENTS, DEFAULT
 from app.rig.kinova.client.official import INSTALL
 
 State: TypeAlias = Literal["ok", "missing", "optional"]
 """`optional`: not there, and the simulated cell does without it."""
-
-PROBE_TIMEOUT_S = 120.0
-"""Generous: importing JAX or Open3D from a cold disk takes tens of seconds."""
 
 IN_CHECKOUT = (Path(__file__).parents[2] / "Makefile").is_file()
 SETUP = "make setup" if IN_CHECKOUT else "install dipac anew: pip install --force-reinstall WHEEL"
@@ -51,15 +46,6 @@ class CheckResult:
     state: State
     found: str
     mend: str = ""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class ProbeResult:
-    """Result of a probe, or the reason of its failure."""
-
-    said: Any = None
-    failure: str = ""
 
 
 Check: TypeAlias = Callable[[], list[CheckResult]]
@@ -147,19 +133,19 @@ def _open3d() -> list[CheckResult]:
 
 def census() -> ProbeResult:
     """Census of the RealSense cameras on the bus, as `app.rig.realsense.sdk.device_enumeration.census` returns it."""
-    return _probe(
+    return probe(
         "from app.rig.realsense.sdk.device_enumeration import census\n"
         "from app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.load()))"
     )
 
 
 def _realsense() -> list[CheckResult]:
-    probe = census()
+    found = census()
     what = "pyrealsense2 loads"
-    if probe.failure:
-        return [CheckResult(what=what, state="missing", found=probe.failure, mend=SETUP)]
-    loads = CheckResult(what=what, state="ok", found=f"SDK {probe.said['version']}")
-    return [loads, _cameras(probe.said["cameras"], probe.said["warnings"])]
+    if found.failure:
+        return [CheckResult(what=what, state="missing", found=found.failure, mend=SETUP)]
+    loads = CheckResult(what=what, state="ok", found=f"SDK {found.said['version']}")
+    return [loads, _cameras(found.said["cameras"], found.said["warnings"])]
 
 
 def _cameras(cameras: list[str], warnings: list[str]) -> CheckResult:
@@ -190,12 +176,12 @@ def _warp() -> list[CheckResult]:
         "import warp; warp.config.quiet = True; warp.init(); say({'cache': warp.config.kernel_cache_dir, "
         "'devices': ', '.join(f'{d.alias} {d.name}' for d in warp.get_devices())})"
     )
-    probe = _probe(code)
-    if probe.failure:
-        return [CheckResult(what="Warp devices", state="missing", found=probe.failure, mend=SETUP)]
+    found = probe(code)
+    if found.failure:
+        return [CheckResult(what="Warp devices", state="missing", found=found.failure, mend=SETUP)]
     return [
-        CheckResult(what="Warp devices", state="ok", found=str(probe.said["devices"])),
-        _kernels(Path(probe.said["cache"])),
+        CheckResult(what="Warp devices", state="ok", found=str(found.said["devices"])),
+        _kernels(Path(found.said["cache"])),
     ]
 
 
@@ -259,30 +245,10 @@ def _port(site: Site) -> list[CheckResult]:
 
 
 def _loads(what: str, code: str, *, mend: str = SETUP) -> CheckResult:
-    probe = _probe(code)
-    if probe.failure:
-        return CheckResult(what=what, state="missing", found=probe.failure, mend=mend)
-    return CheckResult(what=what, state="ok", found=str(probe.said or "yes"))
-
-
-def _probe(code: str) -> ProbeResult:
-    """Run `code` in a process of its own, which a broken native library may take down.
-
-    In the code, `say(value)` reports a value that JSON can carry.
-    """
-    program = f"import json\ndef say(value): print('\\n' + json.dumps(value))\n{code}"
-    try:
-        result = subprocess.run(  # noqa: S603 - the program is one of those above
-            [sys.executable, "-c", program], capture_output=True, text=True, timeout=PROBE_TIMEOUT_S
-        )
-    except subprocess.TimeoutExpired:
-        return ProbeResult(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
-    if result.returncode < 0:
-        return ProbeResult(failure=f"crashed with {signal.Signals(-result.returncode).name}")
-    if result.returncode > 0:
-        return ProbeResult(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
-    last = (result.stdout.strip().splitlines() or ["null"])[-1]
-    return ProbeResult(said=json.loads(last) if "say(" in code else None)
+    found = probe(code)
+    if found.failure:
+        return CheckResult(what=what, state="missing", found=found.failure, mend=mend)
+    return CheckResult(what=what, state="ok", found=str(found.said or "yes"))
 
 
 def _size(count: int) -> str:

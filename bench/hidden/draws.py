@@ -57,14 +57,14 @@ AS_RODS = Making()
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Spread:
-    """Spread of the cases: range of sizes, in typical ones; `family`: nothing or one effect of it is hidden."""
+class CaseDistribution:
+    """Distribution of the cases: range of sizes, in typical ones; `family`: nothing or one effect of it is hidden."""
 
     sizes: tuple[float, float] = SIZES
     family: Family | None = None
 
 
-USUAL_SPREAD = Spread()
+USUAL_CASES = CaseDistribution()
 
 
 @final
@@ -91,23 +91,25 @@ class Case:
         return f"{self.world}-{self.number}"
 
 
-def drawn(seed: int, number: int, world: World, making: Making = AS_RODS, spread: Spread = USUAL_SPREAD) -> Case:
+def drawn(
+    seed: int, number: int, world: World, making: Making = AS_RODS, cases: CaseDistribution = USUAL_CASES
+) -> Case:
     """The case of that number; the same whatever other cases are drawn."""
     rng = np.random.default_rng([seed, number, WORLDS.index(world)])
     inside, outside = kinds(world, making), outsiders(world, making)
     share = rng.uniform()
     if share < NONE:
         names = list[str]()
-    elif spread.family is not None:
+    elif cases.family is not None:
         families = _families(making)
-        names = [str(rng.choice([name for name in inside if families[name] == spread.family]))]
+        names = [str(rng.choice([name for name in inside if families[name] == cases.family]))]
     elif share < NONE + TWO:
         names = sorted(rng.choice(inside, 2, replace=False).tolist())
     elif share < NONE + TWO + UNKNOWN:
         names = [str(rng.choice(outside))]
     else:
         names = [str(rng.choice(inside))]
-    least, most = np.log(spread.sizes).tolist()
+    least, most = np.log(cases.sizes).tolist()
     sizes = np.exp(rng.uniform(least, most, len(names))).tolist()
     hidden = tuple(Chosen(effect=name, size=size) for name, size in zip(names, sizes, strict=True))
     return Case(number=number, world=world, hidden=hidden)

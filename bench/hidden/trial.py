@@ -21,7 +21,7 @@ import numpy as np
 
 from app.core.geometry.scene_description import Rope
 from app.policy.random_pushes import PushDesign
-from bench.hidden.draws import AS_RODS, USUAL_SPREAD, WORLDS, Case, Making, Spread, kinds, real_size
+from bench.hidden.draws import AS_RODS, USUAL_CASES, WORLDS, Case, CaseDistribution, Making, kinds, real_size
 from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
 
 _KEPT = ("verdict", "causes", "ranking", "formula", "leftover", "heldout", "limits", "amount", "spent_s")
@@ -49,7 +49,7 @@ _POLL_S = 0.05
 class Setup:
     """Conditions under which cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
 
-    `spread`: of what is drawn. `oracle`, `baselines`: also fit the hidden cause, and run other methods. `made`: folder
+    `cases`: what is drawn. `oracle`, `baselines`: also fit the hidden cause, and run other methods. `made`: folder
     of recordings with their truth, a folder a case; those already there are used.
     """
 
@@ -58,7 +58,7 @@ class Setup:
     oracle: bool
     deadline_s: float
     making: Making = AS_RODS
-    spread: Spread = USUAL_SPREAD
+    cases: CaseDistribution = USUAL_CASES
     baselines: bool = False
     made: Path | None = None
 
@@ -108,8 +108,8 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
         "seed": setup.seed,
         "episodes": setup.plan.episodes,
         "pushes": setup.plan.pushes,
-        "sizes": list(setup.spread.sizes),
-        "family": setup.spread.family,
+        "sizes": list(setup.cases.sizes),
+        "family": setup.cases.family,
         "hidden": [[each.effect, each.size] for each in case.hidden],
     }
 
@@ -180,8 +180,8 @@ def _way(setup: Setup) -> list[str]:
     """Words for unusual conditions of the recordings."""
     making = setup.making
     engine = "mpm" if making.body is Rope else making.task
-    spread = [*map(str, setup.spread.sizes), setup.spread.family or "any"] if setup.spread != USUAL_SPREAD else []
-    return [engine] * (making.dynamics == "mpm") + ["blind"] * (not making.images) + spread
+    drawn = [*map(str, setup.cases.sizes), setup.cases.family or "any"] if setup.cases != USUAL_CASES else []
+    return [engine] * (making.dynamics == "mpm") + ["blind"] * (not making.images) + drawn
 
 
 def _made(kept: Path, case: Case, setup: Setup, folder: Path) -> dict[str, Any]:

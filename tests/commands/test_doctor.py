@@ -16,6 +16,7 @@ from app.commands import _cell_checks, _checks
 from app.commands.doctor import doctor
 from app.config import Site
 from app.core.errors import PreflightError
+from app.core.system.probe import ProbeResult, probe
 from app.recording.exchange.calibration_file import save_camera
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.emulator.process import FakeProcess
@@ -115,10 +116,10 @@ def test_a_library_of_an_extra_is_optional():
 
 @pytest.mark.serial
 def test_a_probe_reports_what_was_said_and_every_way_to_fail():
-    assert _checks._probe("say({'devices': ['cpu']})").said == {"devices": ["cpu"]}
-    assert "no_such_module" in _checks._probe("import no_such_module").failure
-    assert _checks._probe("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)").failure == "crashed with SIGSEGV"
-    assert _checks._probe("raise SystemExit(3)").failure == "failed without a word"
+    assert probe("say({'devices': ['cpu']})").said == {"devices": ["cpu"]}
+    assert "no_such_module" in probe("import no_such_module").failure
+    assert probe("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)").failure == "crashed with SIGSEGV"
+    assert probe("raise SystemExit(3)").failure == "failed without a word"
 
 
 def test_kernels_are_counted_by_folder(tmp_path: Path):
@@ -150,7 +151,7 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
     file = written(tmp_path, delivered)
     save_camera(tmp_path / "calibration.toml", replace(camera("012345678901"), calibrated_at=datetime.now(UTC).date()))
     bus = {"connections": {"012345678902": ""}}
-    monkeypatch.setattr(_cell_checks, "census", lambda: _checks.ProbeResult(said=bus))
+    monkeypatch.setattr(_cell_checks, "census", lambda: ProbeResult(said=bus))
     with FakeProcess() as arm:
         there = Address(host=arm.host, tcp_port=arm.ports[0], udp_port=arm.ports[1])
         monkeypatch.setattr(_cell_checks, "address", lambda _: there)

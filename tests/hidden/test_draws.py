@@ -5,7 +5,7 @@ import pytest
 
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, Making, Spread, drawn, kinds, outsiders
+from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, CaseDistribution, Making, drawn, kinds, outsiders
 
 COUNT = 2000
 BLIND = Making(images=False)
@@ -45,7 +45,7 @@ def test_both_worlds_hide_more_than_twenty_kinds_and_some_that_no_catalogue_has(
 
 
 def test_of_one_family_nothing_or_one_effect_is_hidden_of_the_sizes_that_are_wished() -> None:
-    spread = Spread(sizes=(1.0, 2.0), family="physics")
+    spread = CaseDistribution(sizes=(1.0, 2.0), family="physics")
     known = subject_of(load("rope_push@rods")).catalogue()
     cases = [drawn(5, number, "mujoco", BLIND, spread) for number in range(COUNT)]
     assert np.mean([not case.hidden for case in cases]) == pytest.approx(NONE, abs=0.03)

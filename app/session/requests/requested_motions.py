@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Final, final
 
 import numpy as np
-from jaxtyping import Float64
 
 from app.arm.gate import check_motion, way
 from app.arm.path import SCALE, at_travel_height
@@ -218,12 +217,8 @@ def _one_after_the_other(first: Executed, second: Executed) -> Executed:
         times_s=np.concatenate([first.times_s, second.times_s - pause_s]),
         commanded=np.concatenate([first.commanded, second.commanded]),
         measured=np.concatenate([first.measured, second.measured]),
-        openings=np.concatenate([_openings_of(first), _openings_of(second)]),
+        openings=np.concatenate([first.tool[:, 7], second.tool[:, 7]]),
     )
-
-
-def _openings_of(executed: Executed) -> Float64[np.ndarray, " G"]:
-    return executed.openings if len(executed.openings) else np.zeros(len(executed.commanded))
 
 
 def demonstrated_motion(executed: Executed, tool: ToolPose, site: Site) -> Motion:
@@ -232,7 +227,7 @@ def demonstrated_motion(executed: Executed, tool: ToolPose, site: Site) -> Motio
     Where it begins at the `tool`, it continues from there; any other is approached by way of the travel height, and
     lifted to it at its end. What a hand held from one motion to the next is therefore joined before (`join_motions`).
     """
-    poses = np.concatenate([executed.commanded, _openings_of(executed)[:, None]], axis=1)
+    poses = np.concatenate([executed.commanded, executed.tool[:, 7:]], axis=1)
     kept = corner_indices(poses * SCALE, _CORNER_M)
     steps = np.linalg.norm(np.diff(poses * SCALE, axis=0), axis=1)
     lasting_s = np.where(steps > _STILL_M, np.diff(executed.times_s), 0.0)
