@@ -34,6 +34,7 @@ from app.discovery.inference.decide import (
     further_suspects,
     is_sized,
     refit_cause,
+    rivals_of,
     with_further,
 )
 from app.discovery.inference.held_out import held_out_gain, held_out_gain_of_linear
@@ -64,6 +65,9 @@ SIZES: Final = 0.7, 2.0
 """Range of hidden sizes, in typical ones, log-uniform."""
 EPISODES: Final = (5, 6, 8, 10, 12)
 PUSHES: Final = (4, 6, 8)
+MANY_EPISODES: Final = (8, 10, 14, 20)
+MANY_PUSHES: Final = (10, 14, 20)
+"""The same of studies of many pushes, 80 to 400."""
 WHOLE: Final = PushDesign(episodes=10, pushes=10)
 _WHOLE_EVERY: Final = 3
 """One study in so many is as large as those that discovery's aims are about."""
@@ -77,8 +81,8 @@ _SURE: Final = 4.0
 _EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
 
 
-def drawn(seed: int, number: int) -> tuple[World, RopeCase | OwnRope]:
-    """The study of that number; the same whatever others are drawn."""
+def drawn(seed: int, number: int, *, many: bool = False) -> tuple[World, RopeCase | OwnRope]:
+    """The study of that number, with few pushes or many; the same whatever others are drawn."""
     rng = np.random.default_rng([seed, number])
     world: World = rng.choice(list(WORLDS), p=list(WORLDS.values())).item()
     inside, outside = _hideable(world)
@@ -90,6 +94,8 @@ def drawn(seed: int, number: int) -> tuple[World, RopeCase | OwnRope]:
     plan = PushDesign(episodes=int(rng.choice(EPISODES)), pushes=int(rng.choice(PUSHES)))
     if number % _WHOLE_EVERY == 0:
         plan = WHOLE
+    if many:
+        plan = PushDesign(episodes=int(rng.choice(MANY_EPISODES)), pushes=int(rng.choice(MANY_PUSHES)))
     own_seed = int(rng.integers(2**31))
     _, noise_m = drawn_cameras(own_seed)
     if world == "own":
@@ -142,9 +148,10 @@ def _refit_of(
     predictor: Predictor, screening: Screening, suspect: CandidateCause, model: RefinedModel
 ) -> dict[str, Any]:
     """Gain of a refitted cause over nothing."""
+    rivals = rivals_of(predictor.catalogue, screening, suspect)
     return {
         **_gain_of(suspect, model, screening.weighing.log_evidence, (screening.data, screening.prior)),
-        "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect), 3).tolist(),
+        "held_out_of_linear": np.round(held_out_gain_of_linear(screening, suspect, rivals), 3).tolist(),
         "sized": is_sized(predictor.catalogue, model),
         "trust": model.trust,
     }
@@ -271,6 +278,7 @@ def main(
     seed: Annotated[int, tyro.conf.arg(help="of what is drawn")] = 0,
     workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
     refits: Annotated[int, tyro.conf.arg(help="likeliest causes that are refitted, too")] = 0,
+    many: Annotated[bool, tyro.conf.arg(help="studies of 80 to 400 pushes instead of 20 to 100")] = False,
     table: Annotated[Path | None, tyro.conf.arg(help="where to write what is learnt, as JSON")] = None,
 ) -> None:
     """Run the missing studies, learn from all of them, and print the reliability."""
@@ -281,7 +289,7 @@ def main(
         ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
         path.open("a", encoding="utf-8") as file,
     ):
-        made = [pool.submit(_line, (seed, number), refits) for number in missing]
+        made = [pool.submit(_line, (seed, number), refits, many=many) for number in missing]
         for future in track(as_completed(made), "studies", total=len(made), console=terminal, disable=not made):
             file.write(json.dumps(future.result()) + "\n")
             file.flush()
@@ -295,10 +303,10 @@ def main(
         table.write_text(json.dumps(_told(made_of), indent=1) + "\n", encoding="utf-8")
 
 
-def _line(order: tuple[int, int], refits: int) -> dict[str, Any]:
+def _line(order: tuple[int, int], refits: int, *, many: bool) -> dict[str, Any]:
     seed, number = order
     try:
-        found = studied(*drawn(seed, number), refits)
+        found = studied(*drawn(seed, number, many=many), refits)
     except ValueError as error:  # A rod of our own world left what it can simulate.
         found = {"failure": str(error)}
     return {"seed": seed, "number": number, **found}

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.inference.held_out import held_out_gain_of_linear, is_earned, trimmed_mean
+from app.discovery.inference.held_out import (
+    HeldOutGain,
+    earned_by_either,
+    held_out_gain_of_linear,
+    is_earned,
+    trimmed_mean,
+)
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
 from tests.discovery.made_up import ALL, K, R, screening
@@ -55,6 +61,14 @@ def test_a_cause_that_moves_nothing_does_not() -> None:
     slopes = found.data.J.copy()
     slopes[:, :, 1] = 0.0
     assert not is_earned(held_out_gain_of_linear(replace(found, data=replace(found.data, J=slopes)), suspect))
+
+
+def test_a_cause_is_earned_by_the_screening_alone_only_where_its_refit_does_not_contradict_it() -> None:
+    unsure, sure = HeldOutGain(gain=0.4, error=0.4), HeldOutGain(gain=5.0, error=0.6)
+    assert earned_by_either(unsure, sure, refit_evidence=25.0) == sure
+    assert earned_by_either(unsure, sure, refit_evidence=-15.0) == unsure
+    assert earned_by_either(sure, unsure, refit_evidence=-15.0) == sure
+    assert earned_by_either(unsure, unsure, refit_evidence=25.0) == unsure
 
 
 @pytest.mark.parametrize("count", [5, 10, 20])

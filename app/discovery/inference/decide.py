@@ -16,7 +16,13 @@ from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.calibration import calibration
-from app.discovery.inference.held_out import HeldOutGain, held_out_gain, held_out_gain_of_linear, is_earned
+from app.discovery.inference.held_out import (
+    HeldOutGain,
+    earned_by_either,
+    held_out_gain,
+    held_out_gain_of_linear,
+    is_earned,
+)
 from app.discovery.inference.refine import RefinedModel, refine, start_of
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Z90, weigh
@@ -102,8 +108,8 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
         held = held_out_gain((screening.data, screening.prior), best)
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
-        linear = held_out_gain_of_linear(screening, suspect, _rivals(catalogue, screening, suspect))
-        held = linear if is_earned(linear) else held
+        linear = held_out_gain_of_linear(screening, suspect, rivals_of(catalogue, screening, suspect))
+        held = earned_by_either(held, linear, best.log_evidence - screening.weighing.log_evidence)
     earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
     return ModelSelection(
@@ -116,8 +122,8 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     )
 
 
-def _rivals(catalogue: Catalogue, screening: Screening, suspect: CandidateCause) -> list[int]:
-    """Columns of other errors of cameras and arm, where a cause is one: they are nearly the same for each other.
+def rivals_of(catalogue: Catalogue, screening: Screening, suspect: CandidateCause) -> list[int]:
+    """Steps of other errors of cameras and arm, where a cause is one: they are nearly the same for each other.
 
     Physics have no such rivals: there, what causes usually seem to be are the simulator's own errors.
     """

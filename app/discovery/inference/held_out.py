@@ -79,6 +79,15 @@ def is_earned(held: HeldOutGain) -> bool:
     return held.gain > _ERRORS * held.error
 
 
+def earned_by_either(refitted: HeldOutGain, linear: HeldOutGain, refit_evidence: float) -> HeldOutGain:
+    """The gain by which a single cause is earned: its refit's, or else that of the screening's simulations.
+
+    The latter counts only where the refit does not contradict it: `refit_evidence` is the logarithm of its Bayes factor
+    over the nominal model [nats].
+    """
+    return linear if not is_earned(refitted) and is_earned(linear) and refit_evidence > 0 else refitted
+
+
 def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:
     fit = fit_mixed_effects(data.without(episode), prior.variance, prior.mean, starts)
     return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
