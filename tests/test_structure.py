@@ -5,7 +5,9 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -88,21 +90,91 @@ def name(file: Path) -> str:
     return str(file.relative_to(ROOT))
 
 
-def tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """Facts of a file that the rules below ask for, so that it is parsed once."""
+
+    lines: int
+    docstring: str | None
+    docstrings: dict[int, str]
+    """Those below fields and constants included, by line."""
+    classes: tuple[str, ...]
+    """Public ones at the top of the module."""
+    functions: frozenset[str]
+    """Functions at the top of the module."""
+    callables: frozenset[str]
+    """Those, and the methods of classes."""
+    strings: frozenset[str]
+    imported: frozenset[str]
+    """Names, and the last parts of the modules that they are from."""
+    asked: frozenset[str]
+    """Shapes whose type is asked for."""
 
 
-def defined(file: Path) -> dict[str, ast.stmt]:
-    """Statements that define the names at the top of a module, by name."""
-    names: dict[str, ast.stmt] = {}
-    for node in tree(file).body:
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-            names[node.name] = node
-        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            names[node.target.id] = node
-        elif isinstance(node, ast.Assign):
-            names.update({target.id: node for target in node.targets if isinstance(target, ast.Name)})
-    return names
+@cache
+def facts(file: Path) -> Facts:
+    text = file.read_text(encoding="utf-8")
+    module = ast.parse(text)
+    nodes = list(ast.walk(module))
+    values = ((node.lineno, node.value) for node in nodes if isinstance(node, ast.Expr))
+    constants = ((line, value.value) for line, value in values if isinstance(value, ast.Constant))
+    imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    inside = [node.body for node in nodes if isinstance(node, ast.ClassDef)]
+    shapes = {
+        alias.asname or alias.name: alias.name
+        for node in imports
+        if node.module and node.module.startswith(SHAPES)
+        for alias in node.names
+    }
+    asked = {node.id for each in asked_types(nodes) for node in ast.walk(each) if isinstance(node, ast.Name)}
+    return Facts(
+        lines=len(text.splitlines()),
+        docstring=ast.get_docstring(module),
+        docstrings={line: value for line, value in constants if isinstance(value, str)},
+        classes=tuple(
+            node.name for node in module.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+        ),
+        functions=frozenset(node.name for node in module.body if isinstance(node, ast.FunctionDef)),
+        callables=frozenset(
+            node.name
+            for body in [module.body, *inside]
+            for node in body
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+        ),
+        strings=frozenset(
+            node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        ),
+        imported=frozenset(
+            {node.module.split(".")[-1] for node in imports if node.module}
+            | {alias.name for node in imports for alias in node.names}
+        ),
+        asked=frozenset(shapes[each] for each in asked & shapes.keys()),
+    )
+
+
+def asked_types(nodes: Iterable[ast.AST]) -> Iterator[ast.expr]:
+    """Expressions that stand where code asks for a type: patterns, `isinstance`, comparisons and keys of tables."""
+    for node in nodes:
+        if isinstance(node, ast.MatchClass):
+            yield node.cls
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id in {"isinstance", "issubclass"}:
+                yield node.args[1]
+        elif isinstance(node, ast.Compare):
+            yield from node.comparators
+        elif isinstance(node, ast.Dict):
+            yield from (key for key in node.keys if key)
+
+
+def differing(found: Mapping[Path, Collection[str]], known: Mapping[str, Collection[str]]) -> dict[str, object]:
+    """Files in which something else is found than is known of them, with both."""
+    names = {name(file): set(each) for file, each in found.items()}
+    asked = sorted(names.keys() | known.keys())
+    return {
+        each: {"found": names.get(each, set()), "known": set(known.get(each, ()))}
+        for each in asked
+        if names.get(each, set()) != set(known.get(each, ()))
+    }
 
 
 @pytest.mark.serial
@@ -113,32 +185,24 @@ def test_imports_keep_to_the_layers():
     assert linted.returncode == 0, linted.stdout + linted.stderr
 
 
-@pytest.mark.parametrize("file", MODULES, ids=name)
-def test_a_module_says_what_it_is(file):
-    assert ast.get_docstring(tree(file)), f"{name(file)} has no docstring"
+def test_a_module_says_what_it_is():
+    silent = [name(file) for file in MODULES if not facts(file).docstring]
+    assert not silent, "give these modules a docstring"
 
 
-def docstrings(file: Path) -> dict[int, str]:
-    """Docstrings of a file, those below fields and constants included, by line."""
-    strings = (node for node in ast.walk(tree(file)) if isinstance(node, ast.Expr))
-    values = ((node.lineno, node.value) for node in strings if isinstance(node.value, ast.Constant))
-    return {line: value.value for line, value in values if isinstance(value.value, str)}
-
-
-@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *EXAMPLES, *TESTS], ids=name)
-def test_a_docstring_begins_with_what_the_thing_is(file):
+def test_a_docstring_begins_with_what_the_thing_is():
     found = {
-        line: text
-        for line, text in docstrings(file).items()
+        f"{name(file)}:{line}": text
+        for file in [*MODULES, *BENCHES, *EXAMPLES, *TESTS]
+        for line, text in facts(file).docstrings.items()
         if re.split(r"\W", text.strip(), maxsplit=1)[0] in ROUNDABOUT
     }
     assert not found, "say what the thing is, or does, in the first words"
 
 
-@pytest.mark.parametrize("file", MODULES, ids=name)
-def test_a_module_is_short_enough_to_be_read(file):
-    lines = len(file.read_text(encoding="utf-8").splitlines())
-    assert lines <= MAX_LINES, f"{name(file)} has {lines} lines; split it by what it does"
+def test_a_module_is_short_enough_to_be_read():
+    long = {name(file): facts(file).lines for file in MODULES if facts(file).lines > MAX_LINES}
+    assert not long, "split them by what they do"
 
 
 def test_a_folder_is_small_enough_to_be_known():
@@ -152,9 +216,8 @@ def test_a_folder_is_small_enough_to_be_known():
 def test_a_public_class_name_is_defined_once():
     files = defaultdict[str, list[str]](list)
     for file in MODULES:
-        for node in tree(file).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                files[node.name].append(name(file))
+        for each in facts(file).classes:
+            files[each].append(name(file))
     several = {key: where for key, where in files.items() if len(where) > 1}
     assert not several, "give the less central of them a more specific name, in the field's words"
 
@@ -164,78 +227,42 @@ def is_participle(word: str) -> bool:
     return word not in NO_PARTICIPLES and PARTICIPLE.fullmatch(word) is not None
 
 
-@pytest.mark.parametrize("file", MODULES, ids=name)
-def test_functions_and_methods_are_verbs_or_nouns_of_what_they_return(file):
-    module = tree(file)
-    classes = (node.body for node in ast.walk(module) if isinstance(node, ast.ClassDef))
-    functions = (
-        node
-        for body in [module.body, *classes]
-        for node in body
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
-    )
-    found = {function.name for function in functions if is_participle(function.name)}
-    assert found == PARTICIPLES.get(name(file), set()), "name it by what it does, or by what it returns"
+def test_functions_and_methods_are_verbs_or_nouns_of_what_they_return():
+    found = {file: {each for each in facts(file).callables if is_participle(each)} for file in MODULES}
+    assert not differing(found, PARTICIPLES), "name it by what it does, or by what it returns"
 
 
 @pytest.mark.parametrize("file", [file for file in MODULES if file.is_relative_to(ROOT / "app/session")], ids=name)
 def test_the_session_has_its_time_from_its_clock(file):
-    called = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
-    timed = [node for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom)]
+    nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+    called = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    timed = [node for node in nodes if isinstance(node, ast.ImportFrom)]
     imported = {alias.name for node in timed if node.module in ("anyio", "asyncio", "time") for alias in node.names}
-    given = {node.arg for node in ast.walk(tree(file)) if isinstance(node, ast.keyword)}
+    given = {node.arg for node in nodes if isinstance(node, ast.keyword)}
     owned = {"sleep_until", "move_on_at", "fail_after", "fail_at", "current_time", "deadline", "monotonic", "wait_for"}
     assert not owned & (called | imported | given), "ask the clock"
     assert not {"sleep", "move_on_after", "time"} & imported, "ask the clock"
-    calls = (node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call))
+    calls = (node.func for node in nodes if isinstance(node, ast.Call))
     asked = [ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)]
     assert not {"anyio.sleep", "anyio.move_on_after", "time.time", "time.sleep"} & set(asked), "ask the clock"
 
 
-@pytest.mark.parametrize("file", [file for file in MODULES if name(file.parent) not in EFFECTS], ids=name)
-def test_an_effect_is_named_in_its_own_files_alone(file):
+def test_an_effect_is_named_in_its_own_files_alone():
     files = {each.stem for folder in EFFECTS for each in ROOT.glob(f"{folder}/*.py")}
     effects = files - {"__init__", "base"} - HOMONYMS
-    strings = {node.value for node in ast.walk(tree(file)) if isinstance(node, ast.Constant)}
-    imports = [node for node in ast.walk(tree(file)) if isinstance(node, ast.ImportFrom)]
-    modules = {node.module.split(".")[-1] for node in imports if node.module} | {
-        alias.name for node in imports for alias in node.names
-    }
-    assert (strings | modules) & effects == NAMES_EFFECTS.get(name(file), set()), "say it in the effect's own file"
+    others = [file for file in MODULES if name(file.parent) not in EFFECTS]
+    found = {file: (facts(file).strings | facts(file).imported) & effects for file in others}
+    assert not differing(found, NAMES_EFFECTS), "say it in the effect's own file"
 
 
-def asked_types(module: ast.Module) -> Iterator[ast.expr]:
-    """Expressions that stand where code asks for a type: patterns, `isinstance`, comparisons and keys of tables."""
-    for node in ast.walk(module):
-        if isinstance(node, ast.MatchClass):
-            yield node.cls
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            if node.func.id in {"isinstance", "issubclass"}:
-                yield node.args[1]
-        elif isinstance(node, ast.Compare):
-            yield from node.comparators
-        elif isinstance(node, ast.Dict):
-            yield from (key for key in node.keys if key)
-
-
-@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *EXAMPLES], ids=name)
-def test_the_type_of_a_tool_or_fixture_is_asked_by_builders_alone(file):
-    module = tree(file)
-    imports = [node for node in ast.walk(module) if isinstance(node, ast.ImportFrom)]
-    shapes = {
-        alias.asname or alias.name: alias.name
-        for node in imports
-        if node.module and node.module.startswith(SHAPES)
-        for alias in node.names
-    }
-    names = {node.id for asked in asked_types(module) for node in ast.walk(asked) if isinstance(node, ast.Name)}
-    asked = {shapes[each] for each in names & shapes.keys()}
-    assert asked == MATCHES_SHAPES.get(name(file), set()), "make it a method of the shape, and ask the object"
+def test_the_type_of_a_tool_or_fixture_is_asked_by_builders_alone():
+    found = {file: facts(file).asked for file in [*MODULES, *BENCHES, *EXAMPLES]}
+    assert not differing(found, MATCHES_SHAPES), "make it a method of the shape, and ask the object"
 
 
 @pytest.mark.parametrize("file", COMMANDS, ids=name)
 def test_a_command_file_defines_the_function_of_its_name_alone(file):
-    functions = {key for key, node in defined(file).items() if isinstance(node, ast.FunctionDef)}
+    functions = facts(file).functions
     assert file.stem in functions
     assert {key for key in functions if not key.startswith("_")} == {file.stem}
 
