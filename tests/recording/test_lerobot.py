@@ -1,8 +1,10 @@
 """A dataset in LeRobot's format: read by the package that LeRobot itself reads it with, and true to the recording."""
 
+import importlib
 import io
 import json
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,10 @@ from app.recording.read.reader import read_messages, read_pictures
 from tests.recording.demonstrations import PARTICLES, PUSHES, demonstration
 from tests.recording.samples import record
 
-datasets = pytest.importorskip("datasets", reason="The package `datasets` is missing; install dipac[lerobot].")
+# Imported by who needs it alone: all processes of tests collect this file, and the package takes as long as JAX.
+pytestmark = pytest.mark.skipif(
+    find_spec("datasets") is None, reason="The package `datasets` is missing; install dipac[lerobot]."
+)
 FPS = 10
 STEPS = PUSHES * FPS
 IMAGES = ("observation.images.camera0", "observation.images.camera1")
@@ -46,7 +51,9 @@ def root(paths: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def rows(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
     files = [str(path) for path in sorted((root / "data").glob("*/*.parquet"))]
-    return datasets.Dataset.from_parquet(files, cache_dir=str(tmp_path_factory.mktemp("cache")))
+    return importlib.import_module("datasets").Dataset.from_parquet(
+        files, cache_dir=str(tmp_path_factory.mktemp("cache"))
+    )
 
 
 def told(root: Path, name: str) -> Any:
@@ -137,7 +144,7 @@ def test_a_goal_that_is_set_in_between_is_that_of_the_steps_after_it(tmp_path: P
 
 
 def test_images_are_the_newest_of_the_recording_byte_by_byte(paths: list[Path], rows: Any) -> None:
-    raw = rows.cast_column(IMAGES[1], datasets.Image(decode=False))
+    raw = rows.cast_column(IMAGES[1], importlib.import_module("datasets").Image(decode=False))
     pictures = [picture for picture in read_pictures(paths[0]) if picture.camera.name == "camera1"]
     for step in (0, FPS - 1, FPS, STEPS - 1):
         assert raw[step][IMAGES[1]]["bytes"] == pictures[step // FPS].jpeg
