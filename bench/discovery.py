@@ -18,7 +18,7 @@ from rich.console import Console
 
 from app.commands._named import Dynamics
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Rope
+from app.core.geometry.scene_description import Cloth, Rope
 from app.discovery.dataset.model_under_test import Family
 from app.evaluation.results_log import append
 from app.evaluation.workers import Where, completed_rows
@@ -72,6 +72,8 @@ def main(options: Sequence[str] | None = None) -> None:
         raise UsageError("--sizes are two numbers above 0, the smaller one first: --sizes 1 2.")
     if given.family is not None and not all(families_of(making, world) & {given.family} for world in worlds):
         raise UsageError(f"Nothing of the family {given.family} can be hidden in these recordings; choose another one.")
+    if given.light and making.body is Cloth:
+        raise UsageError("--light stands for images of ropes and beans alone; leave it out for a cloth.")
     if given.light and making.dynamics == "mpm" and making.body is Rope:
         raise UsageError("--light makes ropes that are doubted as rods; leave --light or --dynamics mpm out.")
     numbers = range(given.first, given.first + given.n)

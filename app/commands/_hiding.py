@@ -39,6 +39,8 @@ Some: TypeAlias = Float32[np.ndarray, "_ 3"]
 _PRESET: Final = "cpu"
 """Whose number of particles clouds have."""
 _LOOKS: Final = 3
+_POSE: Final = 7
+"""Numbers of a pose, after which a track may have the opening."""
 _EPOCH: Final = Epoch(offset_ns=0)
 """Recordings are dated by the world's clock alone."""
 _NOBODY: Final = MessageId("rehearsed")
@@ -271,8 +273,9 @@ def _execution(take: PushSample, number: int, before: Particles) -> Executed:
         outcome="completed",
         reason="",
         times_s=take.command.times_s,
-        commanded=take.command.poses,
-        measured=take.measured.poses,
+        commanded=take.command.poses[:, :_POSE],
+        measured=take.measured.poses[:, :_POSE],
+        openings=take.measured.poses[:, _POSE:].ravel(),
     )
 
 

@@ -8,12 +8,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Beans
+from app.core.geometry.scene_description import Beans, Cloth
+from app.core.geometry.shapes.tools import Gripper
 from app.core.measured_setup import MeasuredSetup
 from app.core.messages import Parameter
 from app.discovery.checks.placement import centre
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
-from app.discovery.dataset.object_kinds import GRAINS
+from app.discovery.dataset.object_kinds import CLOTH, GRAINS
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor
@@ -21,13 +22,25 @@ from app.discovery.residuals.sensitivity import residuals
 from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.jobs.jit_cache import nominal_model, phi_of
 from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
+from app.planner.actions.carry_actions import Carries
 from app.planner.actions.sweep_actions import Sweeps
+from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
+from app.sim.tools.grasp import Grasp
 from app.tasks.elements.base import Task
 
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
+_FITTED_OF_CLOTH: Final = ("stiffness", "table_friction")
+"""What is fitted whatever the cause: not the friction of rods, over which no cloth is hung here."""
+_PARTICLES_OF_CLOTH, _CELL_M, _SLOWER = 128, 0.04, 1.35
+"""Particles and cells of a carried cloth, and its time step over a planner's: half as many particles on a grid as
+coarse as they are sparse take a third of the time, and err as much (46 and 45 mm a carry, 10 carries)."""
+_HOLD_M: Final = (0.07, 0.04, 0.07)
+"""Reach of the gripper's hold, larger than a planner's: a cloth that hangs for seconds tears off a smaller one."""
+_FRONT_M, _BELOW_M = -0.60, -0.08
+"""Edges of the simulated space along y and z: a cloth swings farther than a gripper goes, and a heap of it sinks in."""
 _STIFFER: Final = (1.0, 4.0, 16.0)
 """Whence stiff rods are refitted, as multiples of the limpest of them."""
 
@@ -41,15 +54,17 @@ def subject_of(
     task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
     is as limp as that allows. `priors`: what is known of its parameters beforehand.
 
-    Raises UsageError for a task whose object is not pushed along a table.
+    Raises UsageError for a task whose object is neither pushed along a table nor a cloth that is carried.
     """
     match task.stage.body, task.actions:
         case Beans() as beans, Sweeps() as sweeps:
             return _subject_of_grains(task, beans, sweeps, priors)
+        case Cloth() as cloth, Carries():
+            return _subject_of_cloth(task, cloth, priors)
         case _, Pushes():
             pass
         case _:
-            raise UsageError(f"Discovery reads pushes and sweeps along a table so far; {task.name} has none.")
+            raise UsageError(f"Discovery reads pushes, sweeps and carries of a cloth so far; {task.name} has none.")
     rods = task.rods if task.dynamics == "rods" else None
     causes = _first_parameters_of_causes()
     low_m, unsaid = task.actions.height_m + LOW_ENOUGH_M, frozenset[str]()
@@ -95,6 +110,34 @@ def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps, priors: Sequenc
         calibrated=tuple(name for name in task.calibrated if name not in causes),
         kind=GRAINS,
         paddle_half_m=sweeps.half_m,
+        priors=tuple(priors),
+    )
+
+
+def _subject_of_cloth(task: Task, cloth: Cloth, priors: Sequence[Parameter]) -> Subject:
+    """Model under test of a cloth in a gripper, which touches it wherever it is."""
+    assert isinstance(task.stage.tool, Gripper)
+    grasp, *others = task.scene.tools
+    assert isinstance(grasp, Grasp)
+    return Subject(
+        scene=replace(
+            task.scene,
+            low=(task.scene.low[0], _FRONT_M, _BELOW_M),
+            cell_m=_CELL_M,
+            dt_s=task.scene.dt_s * _SLOWER,
+            tools=(replace(grasp, reach_m=_HOLD_M), *others),
+        ),
+        time_scale=task.time_scale,
+        mass_kg=cloth.mass_kg,
+        length_m=cloth.size_m,
+        radius_m=0.0,
+        low_m=float("inf"),
+        particle_count=_PARTICLES_OF_CLOTH,
+        nominal=phi_of(nominal_model(task.name, priors)),
+        calibrated=_FITTED_OF_CLOTH,
+        kind=CLOTH,
+        gripper=task.stage.tool,
+        initial_state=cloth_at_rest,
         priors=tuple(priors),
     )
 

@@ -6,15 +6,17 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.shapes.tools import Tool
+from app.core.geometry.shapes.tools import Gripper, Tool
 from app.core.messages import Frame
 from app.core.types import Cloud
-from app.perception.paddle_fit import paddle_points
+from app.perception.paddle_fit import gripper_points, paddle_points
 from app.perception.reconstruct import Reconstruction
 from app.perception.tool_tip_fit import tool_points
 
-Pose: TypeAlias = Float64[np.ndarray, "7"]
-"""Pose of the tool by the kinematics: x y z [m] and a quaternion w x y z, its z axis pointing down."""
+Pose: TypeAlias = Float64[np.ndarray, " D"]
+"""Pose of the tool by the kinematics: x y z [m] and a quaternion w x y z, its z axis pointing down; then its opening
+[m], of a tool that opens."""
+_OPENS = 8
 
 
 def find_tool(frames: Sequence[Frame], pose: Pose, tool: Tool, how: Reconstruction) -> Cloud:
@@ -23,4 +25,6 @@ def find_tool(frames: Sequence[Frame], pose: Pose, tool: Tool, how: Reconstructi
         return tool_points(frames, pose[:3], how, radius_m=tool.ball_m)
     if tool.board_m is not None:
         return paddle_points(frames, pose, how, half_m=tool.board_m)
+    if isinstance(tool, Gripper) and len(pose) == _OPENS and pose[7] < tool.closed_m:
+        return gripper_points(frames, pose, how, tool)
     return np.zeros((0, 3), np.float32)

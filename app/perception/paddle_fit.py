@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from app.core.geometry.shapes.tools import Gripper
 from app.core.messages import Frame
 from app.core.types import Cloud, Path3
 from app.perception.cloud.depth import behind_an_edge, deproject
@@ -77,6 +78,20 @@ def paddle_points(
         return _NOTHING
     spread = np.random.default_rng(seed).permutation(off)[:PADDLE_POINTS]
     return (box.middle + box.turn.apply(_down(shift + spread - spread.mean(axis=0)))).astype(np.float32)
+
+
+def gripper_points(
+    frames: Sequence[Frame], pose: Float64[np.ndarray, "8"], how: Reconstruction, gripper: Gripper
+) -> Cloud:
+    """As `paddle_points`, of a closed gripper, whose fingers together are such a box; their mean is between its tips.
+
+    `pose` ends with the opening [m].
+    """
+    across, thick, tall = gripper.half_m
+    up = np.array([0.0, 0.0, tall])
+    middle = np.concatenate([pose[:3] + up, pose[3:7]])
+    found = paddle_points(frames, middle, how, half_m=(across, 2 * thick + float(pose[7]) / 2, tall))
+    return (found - up).astype(np.float32)
 
 
 def _readings(frame: Frame, box: _Box, how: Reconstruction) -> Inside:

@@ -15,7 +15,7 @@ from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.task_name import recorded_name
-from app.core.types import Cloud, Points
+from app.core.types import Cloud, Points, Poses
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.jobs.discovery_subject import subject_of
@@ -27,6 +27,8 @@ from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.descriptions import with_appearance
 
+_OPENS = 8
+"""Coordinates of a tool that opens."""
 _BETWEEN_S = 10.0
 """Gap from the end of an episode to the start of one whose clock began anew."""
 
@@ -191,9 +193,17 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
         before=view(_observed_at_s(before, transition.cause, episode, float(executed.times_s[0])), before),
         during=tuple(view(seen.time_s, seen.positions) for seen in _during(episode, executed, subject.low_m)),
         after=view(_observed_at_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
-        command=Track(times_s=executed.times_s, poses=executed.commanded),
-        measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
+        command=_track(executed, executed.commanded, subject),
+        measured=_track(executed, executed.measured, subject) if len(executed.measured) else None,
     )
+
+
+def _track(executed: Executed, poses: Poses, subject: Subject) -> Track:
+    """The tool's track, with the opening of a tool that opens; closed throughout where nothing is said of that."""
+    if subject.tool_coordinates == _OPENS:
+        openings = executed.openings if len(executed.openings) else np.zeros(len(poses))
+        poses = np.concatenate([poses, openings[:, None]], axis=1)
+    return Track(times_s=executed.times_s, poses=poses)
 
 
 def _during(episode: _Recorded, executed: Executed, low_m: float) -> list[Particles]:

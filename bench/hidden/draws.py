@@ -34,7 +34,8 @@ class Making:
     """Conditions of a bench: how ropes are simulated by the solver and by our own world; cameras in MuJoCo's.
 
     `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines, or of pieces, stands
-    for them, and errors of images cannot be hidden. `task`: whose object is moved; our own world has ropes alone.
+    for them, and errors of images cannot be hidden; a cloth is always seen in images. `task`: whose object is moved;
+    our own world has ropes alone.
     """
 
     dynamics: Dynamics = "rods"

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import TypeAlias
 
 from bench.hidden.beans import BeanCase
+from bench.hidden.cloths import ClothCase
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "hidden"
-Case: TypeAlias = RopeCase | BeanCase
+Case: TypeAlias = RopeCase | BeanCase | ClothCase
 
 
 def concluded(case: Case) -> Verdict:
@@ -30,13 +31,20 @@ def recorded(case: Case) -> Path:
     if not folder.exists():
         begun = KEPT / f"begun-{os.getpid()}"
         shutil.rmtree(begun, ignore_errors=True)
-        write(case.record(), begun)
+        if isinstance(case, ClothCase):
+            case.record_in(begun)
+        else:
+            write(case.record(), begun)
         begun.rename(folder)
     return folder
 
 
 def sources() -> str:
     """Hash of all that makes recordings."""
-    paths = [path for folder in ("app/rig/simulated", "app/tasks") for path in (ROOT / folder).rglob("*.py")]
+    paths = [
+        path
+        for folder in ("app/rig/simulated", "app/tasks", "app/perception")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
     paths += [*(ROOT / "bench" / "hidden").glob("*.py"), *(ROOT / "app" / "policy").glob("random_*.py")]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths))).hexdigest()

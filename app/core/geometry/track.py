@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from app.core.types import Path3, Poses
+from app.core.types import Path3
 
 
 def poses_at(
@@ -33,10 +33,13 @@ def upright(turns: Float64[np.ndarray, "S 4"]) -> Float64[np.ndarray, "S 4"]:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Poses of the tip at increasing times [s]: x y z and a quaternion w x y z. At rest before and after."""
+    """Poses of the tip at increasing times [s]: x y z, a quaternion w x y z. At rest before and after.
+
+    Of a tool that opens on the way the opening [m] follows.
+    """
 
     times_s: Float64[np.ndarray, " T"]
-    poses: Poses
+    poses: Float64[np.ndarray, "T D"]
 
     @property
     def positions(self) -> Path3:

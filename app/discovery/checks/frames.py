@@ -123,6 +123,6 @@ def _headings(trials: SimulationBatch) -> Float64[np.ndarray, " K"]:
 
 def _yaws(trials: SimulationBatch) -> Float64[np.ndarray, " K"]:
     """Yaw of the tool in each push [rad]."""
-    q = np.stack([push.track.poses[len(push.track.poses) // 2, 3:] for push in trials.study.pushes])
+    q = np.stack([push.track.poses[len(push.track.poses) // 2, 3:7] for push in trials.study.pushes])
     w, x, y, z = q.T
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))

@@ -1,14 +1,15 @@
 """The model under test, and the catalogue of candidate causes of its error."""
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, final
 
+import jax
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.geometry.shapes.tools import Finger
+from app.core.geometry.shapes.tools import Finger, Gripper
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.core.messages import Parameter
 from app.discovery import sensor_actuator_errors
@@ -22,10 +23,12 @@ from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffne
 from app.sim.model.scene import Scene
 from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.scene import RodScene
+from app.sim.state import State
 from app.sim.tools.base import COORDINATES
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
 """Values of all parameters of a `Catalogue`, in its order."""
+InitialState: TypeAlias = Callable[[jax.Array], State]
 Family: TypeAlias = Literal["sensing", "actuation", "physics", "numerics"]
 
 _UNSAID = 3.0
@@ -71,6 +74,10 @@ class Subject:
     kind: ObjectTraits = ROPE
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
+    gripper: Gripper | None = None
+    """The tool, where it holds the object all the while."""
+    initial_state: InitialState = State.at_rest
+    """State of the object's particles at places (B, N, 3) where they are at rest; not of rods."""
     priors: tuple[Parameter, ...] = ()
     """Those of the `calibrated` parameters that are known beforehand; the others are practically free."""
 
@@ -92,7 +99,7 @@ class Subject:
 
     @property
     def tool_coordinates(self) -> int:
-        """Numbers of a tool's pose that the simulator takes: 3 of what is not turned, 7 with its quaternion."""
+        """Numbers of a tool's pose that the simulator takes: 3, 7 with its quaternion, or 8 with its opening."""
         return 3 if self.rods is not None else max(COORDINATES[tool.motion] for tool in self.scene.tools)
 
     def catalogue(

@@ -46,6 +46,8 @@ def next_push(
     """
     if len(models) < 2:  # A single model has no rival.
         return None
+    if predictor.subject.kind.is_in_space:  # Carries are not designed.
+        return None
     last = trials.study.pushes[-1].after
     asked = _possible_pushes(predictor, trials.study, last, _CANDIDATES[platform], height_m, seed)
     ends = predictor(prepare(asked, predictor.subject), [theta for _, theta in models.values()]).after

@@ -248,7 +248,7 @@ def arrows_of(
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):
         if np.isfinite(cloud).all():
-            arrows[k] = trials.basis(k, "after", cloud).field(data.r[k, trials.after_rows])
+            arrows[k] = trials.basis(k, "after", cloud).field(data.r[k, trials.after_rows])[:, :2]
     return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
 
 

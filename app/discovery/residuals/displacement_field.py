@@ -1,4 +1,4 @@
-"""Displacement field of an object from its prediction to its observation: smooth modes along it.
+"""Displacement field of an object from its prediction to its observation: smooth modes along or over it.
 
 Points have no names, so they cannot be subtracted; and matches to the nearest neighbour, frozen, lose most of an
 effect. The predicted cloud is moved instead, by a few smooth modes, until the kernel mean embeddings of both agree,
@@ -25,6 +25,8 @@ AFTER = slice(2 * MODES, 4 * MODES)
 """Rows of the residuals of a view after a push; those of the one during it come first."""
 PIECE_MODES = 12
 """Amplitudes a view of loose pieces."""
+SHEET_MODES = 12
+"""Amplitudes a view of a cloth, in space."""
 REVERSED = np.tile(-((-1.0) ** np.arange(MODES)), 4)
 """Sign of each row of both views where the object's other end is called the first: across and along turn round, and so
 do odd cosines."""
@@ -32,6 +34,8 @@ WIDTH_M = 0.015
 """h, about the width of the ropes and beans on the table; and the lattice's spacing."""
 _WIDTHS_M = (0.03, WIDTH_M)
 """Kernel widths: the first finds matter that is more than a width away."""
+_SHEET_WIDTHS_M = (0.06, 0.03)
+"""The same of a cloth in the air, whose folds are narrower than what predicts them resolves."""
 _REACH_M = 0.03
 _PRIOR_M = np.concatenate([np.full(MODES, 0.03), [0.03], np.full(MODES - 1, 0.002)])
 """Prior standard deviation of each mode, which keeps those that a view does not determine at zero. Ropes do not
@@ -39,6 +43,11 @@ stretch: along them, all modes but the first are strain, and an uneven density w
 _FIELD_M, _NEAR_M = 0.2, 0.06
 """Unit of place of the field over all pieces, and of that about the tool: a paddle's half width and a bean."""
 _PIECES_PRIOR_M = np.array([0.02, 0.005, 0.005] * 2 + [0.03, 0.02, 0.02] * 2)
+_SHEET_M = 0.1
+"""Unit of place of the field over a cloth, less than half of its side."""
+_SHEET_PRIOR_M = np.tile([0.03, 0.02, 0.02, 0.02], 3)
+_SHEET_POINTS = 30
+"""Number of points of a cloth that are displaced independently."""
 _POINT_NOISE_M = 2e-3
 _DRAWN = 0.3
 """Randomness of the points' spread: 0 is even, 1 is drawn at random (embedding covariances of both kinds)."""
@@ -52,10 +61,16 @@ _SMOOTHING = 0.06
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Basis:
-    """Displacements (N, Q, 2) of a cloud's points by a unit of each mode, and the modes' prior deviations [m]."""
+    """Displacements (N, Q, D) of a cloud's points by a unit of each mode, and the modes' prior deviations [m].
 
-    vectors: Float64[np.ndarray, "N Q 2"]
+    D: 2 on the table, 3 in space. `widths_m`: of kernels. `is_held`: the prior counts in `project`, too, where a mode
+    may be one that the cloud does not determine, as a stretch across a flat cloth.
+    """
+
+    vectors: Float64[np.ndarray, "N Q D"]
     prior_m: Float64[np.ndarray, " Q"]
+    widths_m: tuple[float, float] = _WIDTHS_M
+    is_held: bool = False
 
     @classmethod
     def along(cls, cloud: Points, place: Float32[np.ndarray, " N"]) -> "Basis":
@@ -85,23 +100,38 @@ class Basis:
         vectors = np.concatenate([shapes[:, :, None] * axis for shapes, axes in fields for axis in axes], axis=1)
         return cls(vectors=vectors, prior_m=_PIECES_PRIOR_M)
 
-    def field(self, amplitudes: Float64[np.ndarray, " Q"]) -> Float64[np.ndarray, "N 2"]:
+    @classmethod
+    def over(cls, cloud: Points) -> "Basis":
+        """Basis for a cloth in the air: `SHEET_MODES`, an affine field about the cloud's middle along x, y and z."""
+        about = (cloud.astype(np.float64) - cloud.mean(0, dtype=np.float64)) / _SHEET_M
+        shapes = np.concatenate([np.ones((len(about), 1)), about], axis=1)
+        vectors = np.concatenate([shapes[:, :, None] * axis for axis in np.eye(3)], axis=1)
+        return cls(vectors=vectors, prior_m=_SHEET_PRIOR_M, widths_m=_SHEET_WIDTHS_M, is_held=True)
+
+    def field(self, amplitudes: Float64[np.ndarray, " Q"]) -> Float64[np.ndarray, "N D"]:
         """The displacement of each point [m]."""
         return np.einsum("nqd,q->nd", self.vectors, amplitudes)
 
-    def project(self, displacement: Float64[np.ndarray, "*batch N 2"]) -> Float64[np.ndarray, "*batch Q"]:
+    def project(self, displacement: Float64[np.ndarray, "*batch N D"]) -> Float64[np.ndarray, "*batch Q"]:
         """The amplitudes [m] of displacements of these same points, by least squares."""
         flat = self.vectors.transpose(0, 2, 1).reshape(-1, self.vectors.shape[1])
         rows = displacement.reshape(-1, flat.shape[0])
+        if self.is_held:
+            noise_m = _POINT_NOISE_M * np.sqrt(len(self.vectors) / _SHEET_POINTS)
+            flat = np.concatenate([flat, np.diag(noise_m / self.prior_m)])
+            rows = np.concatenate([rows, np.zeros((len(rows), len(self.prior_m)))], axis=1)
         return np.linalg.lstsq(flat, rows.T, rcond=None)[0].T.reshape(*displacement.shape[:-2], -1)
 
 
 def register(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
     """The amplitudes [m] that move the predicted cloud onto the observed one."""
-    x, y = predicted[:, :2].astype(np.float64), observed[:, :2].astype(np.float64)
-    forth, left = basis.vectors[:, :, 0], basis.vectors[:, :, 1]
-    amplitudes = np.zeros(forth.shape[1])
-    for width in _WIDTHS_M:
+    _, count, axes = basis.vectors.shape
+    x, y = predicted[:, :axes].astype(np.float64), observed[:, :axes].astype(np.float64)
+    vectors = [(slice(axis, axis + 1), basis.vectors[:, :, axis]) for axis in range(axes)]
+    amplitudes = np.zeros(count)
+    if basis.is_held:
+        amplitudes[:: count // axes] = y.mean(0) - x.mean(0)
+    for width in basis.widths_m:
         centres = _lattice(np.concatenate([x, y]), width)
         target = _kernel(y, centres, width).mean(1)
         root = np.linalg.inv(np.linalg.cholesky(_covariance(y, centres, width)))
@@ -109,8 +139,8 @@ def register(predicted: Points, observed: Points, basis: Basis) -> Float64[np.nd
             here = x + basis.field(amplitudes)
             k = _kernel(here, centres, width) / len(here)
             # The slope of sum_n k_n by a mode is sum_n k_n (c - x_n) . v_n / h^2.
-            along = here[:, :1] * forth + here[:, 1:] * left
-            slope = (centres[:, :1] * (k @ forth) + centres[:, 1:] * (k @ left) - k @ along) / width**2
+            along = sum(here[:, axis] * vector for axis, vector in vectors)
+            slope = (sum(centres[:, axis] * (k @ vector) for axis, vector in vectors) - k @ along) / width**2
             W, r = root @ slope, root @ (target - k.sum(1))
             normal = W.T @ W + np.diag(1 / basis.prior_m**2)
             step = np.linalg.solve(normal, W.T @ r - amplitudes / basis.prior_m**2)
@@ -122,28 +152,28 @@ def register(predicted: Points, observed: Points, basis: Basis) -> Float64[np.nd
 
 
 def _kernel(
-    x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
+    x: Float64[np.ndarray, "N D"], centres: Float64[np.ndarray, "C D"], width: float
 ) -> Float64[np.ndarray, "C N"]:
     return np.exp(-cdist(centres, x, "sqeuclidean") / (2 * width**2))
 
 
 def _covariance(
-    x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
+    x: Float64[np.ndarray, "N D"], centres: Float64[np.ndarray, "C D"], width: float
 ) -> Float64[np.ndarray, "C C"]:
     """Covariance of the embedding of a cloud with noise, whose points might lie elsewhere in the object."""
     k = _kernel(x, centres, width)
     covariance = _FLOOR * np.eye(len(centres))
-    for axis in range(2):
+    for axis in range(x.shape[1]):
         D = k * (centres[:, None, axis] - x[None, :, axis]) / (width**2 * len(x))
         covariance += _POINT_NOISE_M**2 * D @ D.T
     mean = k.mean(1)
     return covariance + _DRAWN**2 * (k @ k.T / len(x) ** 2 - np.outer(mean, mean) / len(x))
 
 
-def _lattice(x: Float64[np.ndarray, "M 2"], width: float) -> Float64[np.ndarray, "C 2"]:
+def _lattice(x: Float64[np.ndarray, "M D"], width: float) -> Float64[np.ndarray, "C D"]:
     low, high = x.min(0) - _REACH_M, x.max(0) + _REACH_M
     axes = [np.arange(np.floor(a / width), np.ceil(b / width) + 1) * width for a, b in zip(low, high, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, x.shape[1])
     return grid[np.asarray(KDTree(x).query(grid)[0]) < 1.5 * width]
 
 

@@ -185,7 +185,8 @@ class Predictor:
         if self.subject.tool_coordinates == 3:
             return track.at(times_s)
         poses = track.poses_at(times_s)
-        return np.concatenate([poses[:, :3], upright(poses[:, 3:7])], axis=1)
+        openings = poses[:, 7 : self.subject.tool_coordinates]
+        return np.concatenate([poses[:, :3], upright(poses[:, 3:7]), openings], axis=1)
 
 
 class _Group(NamedTuple):

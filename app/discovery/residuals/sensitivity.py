@@ -323,10 +323,10 @@ def _assemble(
             basis = trials.basis(k, name, predicted)
             r[k, rows] = register(predicted, observed, basis)
             if changes:
-                displaced = np.stack([getattr(each, name)[k][:, :2] for each in changes])
+                displaced = np.stack([getattr(each, name)[k][:, : trials.axes] for each in changes])
                 J[k, rows] = basis.project(np.nan_to_num(displaced.astype(np.float64))).T * scale
             if replicas:
-                moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, :2] for seen in replicas])
+                moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, : trials.axes] for seen in replicas])
                 ends_at = basis.project(np.nan_to_num(moved_on.astype(np.float64)))
                 spread[k, rows] = ends_at.T / np.sqrt(len(replicas))
             known[k, rows] = True

@@ -9,12 +9,13 @@ from jaxtyping import Bool, Float32, Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
+from app.discovery.dataset.held_part import with_held_parts
 from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
-from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, Basis
+from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Load
 
@@ -66,7 +67,14 @@ class SimulationBatch:
     @property
     def modes(self) -> int:
         """Amplitudes, and rows of residuals, of a view; those of the view during a push come first."""
-        return 2 * MODES if self.kind.has_length else PIECE_MODES
+        if self.kind.has_length:
+            return 2 * MODES
+        return SHEET_MODES if self.kind.is_in_space else PIECE_MODES
+
+    @property
+    def axes(self) -> int:
+        """Number of axes along which displacements are compared: x and y on a table, z as well in space."""
+        return 3 if self.kind.is_in_space else 2
 
     @property
     def after_rows(self) -> slice:
@@ -82,7 +90,7 @@ class SimulationBatch:
         """The modes by which a cloud of push `k`, the prediction of a view, is moved onto the observation."""
         if self.kind.has_length:
             return Basis.along(cloud, self.labels[k, :, 0])
-        return Basis.around(cloud, self.tools[view][k])
+        return Basis.over(cloud) if self.kind.is_in_space else Basis.around(cloud, self.tools[view][k])
 
     def __len__(self) -> int:
         return len(self.study.pushes)
@@ -147,6 +155,8 @@ class SimulationBatch:
 
 def prepare(study: Study, subject: Subject) -> SimulationBatch:
     """Label particles by their place along the object, and find when the tool could touch it."""
+    if subject.gripper is not None:
+        study = with_held_parts(study, subject.gripper)
     pushes = study.pushes
     labels, middles = label_particles([push.before.points for push in pushes], subject.rods, subject.kind)
     during = [_midway(push, subject) for push in pushes]

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.discovery.dataset.model_under_test import RodModel, Subject
+from app.discovery.dataset.model_under_test import InitialState, RodModel, Subject
 from app.sim.model.catalogue import EFFECTS
 from app.sim.model.scene import Scene
 from app.sim.rods.effect import RodSetting
@@ -59,7 +59,7 @@ def stepper(subject: Subject) -> Stepper:
     """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study."""
     if subject.rods is not None:
         return _rod_stepper(subject.rods)
-    return _particle_stepper(subject.scene, subject.particle_count)
+    return _particle_stepper(subject.scene, subject.particle_count, subject.initial_state)
 
 
 def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
@@ -78,7 +78,7 @@ def of_one_length(subject: Subject) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _particle_stepper(scene: Scene, particles: int) -> Stepper:
+def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState) -> Stepper:
     simulate: Simulate = make_rollout(scene, particle_count=particles)
 
     @jax.jit
@@ -100,7 +100,7 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
         second: np.ndarray,
         _needed: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
-        stopped = moved(phi, State.at_rest(jnp.asarray(start[0])), first, label, time)
+        stopped = moved(phi, at_rest(jnp.asarray(start[0])), first, label, time)
         return stopped.x, moved(phi, stopped, second, label, time).x
 
     return Stepper(begin=lambda x, _: (x,), move=stepped)

@@ -12,7 +12,7 @@ from app.discovery.sensor_actuator_errors.base import Apparatus, Load, Values, l
 
 def _drive(track: Track, _load: Load, values: Values) -> Track:
     poses = track.poses.copy()
-    poses[:, :3] += Rotation.from_quat(poses[:, 3:], scalar_first=True).apply(values)
+    poses[:, :3] += Rotation.from_quat(poses[:, 3:7], scalar_first=True).apply(values)
     return Track(times_s=track.times_s, poses=poses)
 
 

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.geometry.scene_description import Beans, Body, Rope, RopeModel
+from app.core.geometry.scene_description import Beans, Body, Cloth, Rope, RopeModel
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, InjectedParameter
-from app.rig.simulated.worlds.physics import BEAN_WORLD, ROPE_WORLDS, WorldPhysics, with_size
+from app.rig.simulated.worlds.physics import BEAN_WORLD, CLOTH_WORLD, ROPE_WORLDS, WorldPhysics, with_size
 from app.sim import effects
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
 
 MISTUNED = 0.3
-"""Largest deviation of the friction of table and tool and of the rope's stiffness or the beans' rolling, as a share of
-the nominal world's."""
+"""Largest deviation of the friction of table and tool and of the stiffness of rope and cloth or the beans' rolling, as
+a share of the nominal world's."""
 _DRAWS, _TUNING = 1, 2
 """Random streams of a seed, so that none depends on the draws of another."""
 
@@ -63,15 +63,18 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
-    `body`: a rope of other sizes than the cell's, or beans, whose resistance to rolling is perturbed.
+    `body`: a rope of other sizes than the cell's, beans, whose resistance to rolling is perturbed, or a cloth.
     """
     table, tool, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
     if isinstance(body, Beans):
         nominal, rolling_m = BEAN_WORLD, BEAN_WORLD.rolling.rolling_m * stiffness
         rubbing = replace(nominal, rolling=replace(nominal.rolling, rolling_m=rolling_m))
+    elif isinstance(body, Cloth):
+        nominal = CLOTH_WORLD
+        rubbing = replace(nominal, cloth=replace(nominal.cloth, membrane_n_m=nominal.cloth.membrane_n_m * stiffness))
     else:
         nominal = ROPE_WORLDS[world] if body is None else with_size(ROPE_WORLDS[world], body)
         rubbing = _with_stiffness(nominal, stiffness)

@@ -18,6 +18,7 @@ from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign, midway_s
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.testbeds import find_testbed
+from app.rig.simulated.worlds.cloth_world import ClothWorld
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
@@ -31,6 +32,8 @@ BEGIN_S = 1000.0
 _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
 """Time for a laid object to come to rest; for the arm's approach; and for the object to come to rest after the push."""
 _TICK_S = 0.01
+_OPENS = 8
+"""Numbers of a pose that says how far the tool is open."""
 _ENCODER_M = 1e-4
 _DIGITS = 6
 """Decimal digits of a second that are kept of the sum of many time steps."""
@@ -78,6 +81,7 @@ class PushSession:
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
         self._world: World | None = None
         self._before: StampedSnapshot | None = None
+        self._last: ToolPose | None = None
 
     @property
     def episode(self) -> int:
@@ -90,10 +94,14 @@ class PushSession:
             raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
         begin_s = BEGIN_S + self.episode * self.plan.pushes * SLOT_S
         if self.number % self.plan.pushes == 0:
-            self._world = self._laid_anew(begin_s)
+            self._world, self._last = self._laid_anew(begin_s), None
         assert self._world is not None
         self._intrusion.session = _session(self.number, self.plan)
-        _wait(self._world, begin_s + self.number % self.plan.pushes * SLOT_S)
+        due_s = begin_s + self.number % self.plan.pushes * SLOT_S
+        if isinstance(self._world, ClothWorld) and self._last is not None:
+            self._world.rest(due_s)
+        else:
+            _wait(self._world, due_s)
         self._before = _rest(self._world)
         return self._before
 
@@ -101,15 +109,41 @@ class PushSession:
         """Random push for the last look; independent of any call before it."""
         world, _ = self._looked_at()
         rng, start_s = np.random.default_rng([self._seed, _TRACKS, self.number]), world.time_s + _PAUSE_S
-        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s)
+        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s, tool=self._last)
 
     def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
-        take = _push(world, self._arm, before, command, self.episode, encoders)
+        made = self._arm.goes(command, told_only=False)
+        if self._last is None:
+            world.place(_pose(made, float(made.times_s[0])))
+        else:
+            world.step(_pose(made, float(made.times_s[0])), float(command.times_s[0]) - world.time_s)
+        during = self._watch(world, made, command)
+        if self._testbed.holds:
+            self._last = _pose(command, command.end_s)
+            _wait(world, world.time_s + _REST_S)
+        else:
+            _withdraw(world)
+        take = PushSample(
+            episode=self.episode,
+            before=before,
+            during=during,
+            after=_rest(world),
+            command=command,
+            measured=_measure(self._arm, command, encoders),
+        )
         self.number, self._before = self.number + 1, None
         return take
+
+    def _watch(self, world: World, made: Track, command: Track) -> StampedSnapshot:
+        """Move the tool as the arm made it of the command; the snapshot on the way."""
+        stamp_s = midway_s(command.times_s)
+        _follow(world, made, stamp_s + self._arm.late_s)
+        during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
+        _follow(world, made, max(made.end_s, command.end_s))
+        return during
 
     def _looked_at(self) -> tuple[World, StampedSnapshot]:
         if self._world is None or self._before is None:
@@ -160,27 +194,6 @@ class _Arm:
         return track
 
 
-def _push(
-    world: World, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
-) -> PushSample:
-    """Execute a push in the world, which is at rest."""
-    made = arm.goes(command, told_only=False)
-    stamp_s = midway_s(command.times_s)
-    world.place(_pose(made, float(made.times_s[0])))
-    _follow(world, made, stamp_s + arm.late_s)
-    during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
-    _follow(world, made, max(made.end_s, command.end_s))
-    _withdraw(world)
-    return PushSample(
-        episode=episode,
-        before=before,
-        during=during,
-        after=_rest(world),
-        command=command,
-        measured=_measure(arm, command, encoders),
-    )
-
-
 def _withdraw(world: World) -> None:
     """Withdraw the tool, and let the object come to rest."""
     world.place(pointing_down(np.array(HOME_TOOL_M)))
@@ -206,8 +219,9 @@ def _follow(world: World, track: Track, until_s: float) -> None:
 
 
 def _pose(track: Track, at_s: float) -> ToolPose:
-    """Pose of the closed tool at a time."""
-    return np.append(track.poses_at(np.array([at_s]))[0], 0.0)
+    """Pose of the tool at a time; it is closed where the track says nothing of that."""
+    (pose,) = track.poses_at(np.array([at_s]))
+    return pose if len(pose) == _OPENS else np.append(pose, 0.0)
 
 
 def _wait(world: World, until_s: float) -> None:

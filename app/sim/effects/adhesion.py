@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext
+from app.sim.effects.base import NOT_CLOTH, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 
 
@@ -19,6 +19,7 @@ def sticky_traction(traction: float, _node: NodeContext, phi: Any, at: int) -> f
 
 
 EFFECT = Effect(
+    objects=NOT_CLOTH,
     parameters=(
         ParameterSpec(
             name="adhesion",

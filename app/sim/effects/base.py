@@ -13,6 +13,7 @@ WarpFunction: TypeAlias = Callable[..., Any]
 ObjectKind: TypeAlias = Literal["rope", "grains", "cloth", "liquid"]
 """Kind of object that an error may be asked about: by what it has, a length, pieces, threads, a level."""
 EVERY: frozenset[ObjectKind] = frozenset({"rope", "grains", "cloth", "liquid"})
+NOT_CLOTH: frozenset[ObjectKind] = EVERY - {"cloth"}
 ROPES: frozenset[ObjectKind] = frozenset({"rope"})
 GRAINS: frozenset[ObjectKind] = frozenset({"grains"})
 LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid"})

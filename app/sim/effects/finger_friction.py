@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, ParticleContext
+from app.sim.effects.base import NOT_CLOTH, Effect, ParticleContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -28,6 +28,7 @@ def scaled_finger(rods: RodProperties, _context: RodContext, phi: EffectParamete
 
 
 EFFECT = Effect(
+    objects=NOT_CLOTH,
     parameters=(
         ParameterSpec(
             name="finger_friction",

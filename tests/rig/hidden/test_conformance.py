@@ -14,7 +14,7 @@ from app.jobs.discovery_subject import subject_of
 from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, not_injectable
-from app.rig.simulated.injected_effects.base import ANY_BODY, ON_TABLES, ROPES, InjectedEffect, SensorImages
+from app.rig.simulated.injected_effects.base import ANY_BODY, ON_TABLES, ROPES, SOLIDS, InjectedEffect, SensorImages
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
@@ -161,7 +161,13 @@ def test_the_page_about_hidden_effects_has_its_row(name: str) -> None:
 
 @every_effect
 def test_the_page_about_hidden_effects_says_which_objects_an_effect_can_be_in(name: str) -> None:
-    said = {ROPES: "ropes", ON_TABLES: "ropes, beans", ANY_BODY: "any object"}[FILES[name].bodies]
+    named: dict[tuple[type, ...], str] = {
+        ROPES: "ropes",
+        ON_TABLES: "ropes, beans",
+        SOLIDS: "ropes, beans, cloths",
+        ANY_BODY: "any object",
+    }
+    said = named[FILES[name].bodies]
     (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
     assert row.split(" | ")[-1] == f"{said} |"
 

@@ -6,7 +6,7 @@ of a rope is that of its hinges, of beans that of their contacts.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values
+from app.rig.simulated.injected_effects.base import SOLIDS, Factors, Hidden, InjectedParameter, Moment, Values
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:
@@ -28,7 +28,7 @@ def _stiffness(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(
         InjectedParameter(name="friction_step", unit="1", typical=0.5, high=1.0),
         InjectedParameter(name="stiffness_step", unit="1", typical=0.5, high=1.0),

@@ -20,6 +20,8 @@ from app.rig.simulated.worlds.physics import Position, WorldPhysics
 ROPES: Final = (Rope,)
 ON_TABLES: Final = (Rope, Beans)
 """Objects that lie on the table and are pushed over it."""
+SOLIDS: Final = (Rope, Beans, Cloth)
+"""Objects that a tool moves as it touches or holds them: ropes, beans and cloths."""
 ANY_BODY: Final = (Rope, Beans, Cloth, Liquid, Soup)
 """Objects of every kind: errors of arm and cameras are in what moves and sees them."""
 

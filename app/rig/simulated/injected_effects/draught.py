@@ -5,7 +5,7 @@ Drag grows with the square of the height in the layer; for a rope's section, the
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, Moment, Values, Vectors, components, level
+from app.rig.simulated.injected_effects.base import SOLIDS, Hidden, Moment, Values, Vectors, components, level
 
 _LAYER_M = 0.02
 
@@ -17,5 +17,5 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 
 HIDDEN = Hidden(
-    family="physics", bodies=ON_TABLES, quantities=components("draught", "xy", "1", 0.1, 0.5), draw=level, force=_force
+    family="physics", bodies=SOLIDS, quantities=components("draught", "xy", "1", 0.1, 0.5), draw=level, force=_force
 )

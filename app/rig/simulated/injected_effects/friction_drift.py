@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Factors,
     Hidden,
     InjectedParameter,
@@ -19,7 +19,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(InjectedParameter(name="friction_drift", unit="1/session", typical=0.4, high=1.0),),
     draw=with_random_sign,
     friction=_friction,

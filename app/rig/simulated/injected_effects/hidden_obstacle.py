@@ -7,7 +7,7 @@ acceleration [1/s^2, 1/s].
 from typing import Any
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Values,
@@ -42,7 +42,7 @@ def _build(spec: Any, _physics: WorldPhysics, values: Values) -> None:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(InjectedParameter(name="obstacle_rate", unit="1/s", typical=417.0, high=2080.0), *where("obstacle")),
     draw=with_random_place,
     build=_build,

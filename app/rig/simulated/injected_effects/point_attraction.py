@@ -4,7 +4,7 @@ The sign is random: it may repel.
 """
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -28,7 +28,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(InjectedParameter(name="attraction", unit="1", typical=0.1, high=0.5), *where("attraction")),
     draw=signed_placed,
     force=_force,

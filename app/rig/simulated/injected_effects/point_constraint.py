@@ -4,7 +4,7 @@ Implicit in the time step, so that no rate reverses a motion.
 """
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -26,7 +26,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(InjectedParameter(name="constraint_rate", unit="1/s", typical=125.0, high=830.0), *where("constraint")),
     draw=with_random_place,
     force=_force,

@@ -6,7 +6,7 @@ Not in the catalogue, whose film is linear; at 0.15 m/s the typical size is a fi
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -23,7 +23,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     catalogued=False,
     quantities=(InjectedParameter(name="quadratic_drag", unit="1/m", typical=40.0, high=200.0),),
     draw=plain,

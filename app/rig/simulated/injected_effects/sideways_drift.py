@@ -6,7 +6,7 @@ Not in the catalogue: the force is across the motion and does no work.
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -28,7 +28,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     catalogued=False,
     quantities=(InjectedParameter(name="sideways_drift", unit="1", typical=0.15, high=0.5),),
     draw=with_random_sign,

@@ -6,7 +6,7 @@ Not in the catalogue; a turntable's creep or a stirred film would look like this
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -25,7 +25,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     catalogued=False,
     beans_share=0.2,
     quantities=(InjectedParameter(name="swirl", unit="1/s^2", typical=8.0, high=20.0), *where("swirl")),

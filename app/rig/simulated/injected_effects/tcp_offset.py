@@ -7,7 +7,7 @@ from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, Values, co
 
 
 def _drive(track: Track, values: Values) -> Track:
-    turns = Rotation.from_quat(track.poses[:, 3:], scalar_first=True)
+    turns = Rotation.from_quat(track.poses[:, 3:7], scalar_first=True)
     return track.with_positions(track.positions + turns.apply(values))
 
 

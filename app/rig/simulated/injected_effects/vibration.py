@@ -5,7 +5,7 @@ Not in the catalogue: a machine runs in the same room.
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import ON_TABLES, Factors, Hidden, InjectedParameter, Moment, Values
+from app.rig.simulated.injected_effects.base import SOLIDS, Factors, Hidden, InjectedParameter, Moment, Values
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:
@@ -18,7 +18,7 @@ def _friction(moment: Moment, values: Values) -> Factors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     catalogued=False,
     quantities=(
         InjectedParameter(name="vibration", unit="1", typical=0.5, high=0.9),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.rig.simulated.injected_effects.base import (
-    ON_TABLES,
+    SOLIDS,
     Hidden,
     InjectedParameter,
     Moment,
@@ -23,7 +23,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=SOLIDS,
     quantities=(InjectedParameter(name="film_drag", unit="1/s", typical=4.17, high=20.0),),
     draw=plain,
     force=_force,

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.core.geometry.scene_description import Beans
 from app.core.geometry.track import Track
+from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign
 from app.policy.random_sweeps import random_sweep, sweep_design
 from app.rig.simulated.kinds.beans import beans_and_paddle
@@ -20,6 +21,8 @@ from app.tasks.elements.base import Task
 @final
 class BeanSweeps:
     """Sweeps through beans, which are scattered anew in each episode, wherever they were."""
+
+    holds = False
 
     def body(self, task: Task) -> Beans:
         """The beans."""
@@ -43,9 +46,17 @@ class BeanSweeps:
         return BeansWorld(*beans_and_paddle(task.stage), start, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(
-        self, task: Task, rng: np.random.Generator, nodes: Nodes, plan: PushDesign, *, start_s: float
+        self,
+        task: Task,
+        rng: np.random.Generator,
+        nodes: Nodes,
+        plan: PushDesign,
+        *,
+        start_s: float,
+        tool: ToolPose | None = None,
     ) -> Track:
         """See `random_sweep`."""
+        del tool
         beans, paddle = beans_and_paddle(task.stage)
         pieces = nodes.reshape(-1, 2, 3)
         points = np.concatenate([pieces, pieces.mean(1, keepdims=True)], axis=1).reshape(-1, 3).astype(np.float32)

@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from app.core.geometry.scene_description import Rope
 from app.core.geometry.track import Track
+from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign, random_track
 from app.rig.simulated.testbeds.base import Before
 from app.rig.simulated.worlds.effect_injector import Intrusion
@@ -22,6 +23,8 @@ _BODY_POINTS = 300
 @final
 class RopePushes:
     """Pushes through points of the rope, which is laid with its ends nearest to where they were."""
+
+    holds = False
 
     def body(self, task: Task) -> Rope:
         """The rope."""
@@ -45,9 +48,17 @@ class RopePushes:
         return RopeWorld(task.rope, task.finger, line, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(
-        self, task: Task, rng: np.random.Generator, nodes: Nodes, plan: PushDesign, *, start_s: float
+        self,
+        task: Task,
+        rng: np.random.Generator,
+        nodes: Nodes,
+        plan: PushDesign,
+        *,
+        start_s: float,
+        tool: ToolPose | None = None,
     ) -> Track:
         """See `random_track`."""
+        del tool
         return random_track(
             rng,
             fill_tube(nodes, task.rope.radius_m, _BODY_POINTS),

@@ -67,17 +67,36 @@ class RollingPhysics:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class ClothPhysics:
+    """A light woven cloth: it hardly stretches, and bends freely.
+
+    `membrane_n_m`: Young's modulus times thickness; a cloth of 12 g that hangs from a grip of 60 mm stretches by 2 %.
+    `cloth_half_thickness_m`: of the contact layer; time step and mesh need more than a real cloth has. `air_drag_1_s`:
+    decay rate of motion through the air. `hold_time_s`: time constant in which held nodes follow.
+    """
+
+    membrane_n_m: float = 100.0
+    poisson: float = 0.2
+    membrane_damping_s: float = 1e-3
+    cloth_half_thickness_m: float = 0.002
+    air_drag_1_s: float = 3.0
+    hold_time_s: float = 0.010
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class WorldPhysics:
     """Friction, contact and time step. Coulomb coefficients: nylon rope on wood 0.4-0.6; on a smooth finger 0.3.
 
     `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
     `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: the rope's model, where
-    it is not the chain of `rope`.
+    it is not the chain of `rope`. `cloth`: of a cloth.
     """
 
     rope: RopePhysics = field(default_factory=RopePhysics)
     cable: CablePhysics | None = None
     rolling: RollingPhysics = field(default_factory=RollingPhysics)
+    cloth: ClothPhysics = field(default_factory=ClothPhysics)
     table_friction: float = 0.5
     finger_friction: float = 0.3
     gravity_m_s2: float = 9.81
@@ -98,6 +117,8 @@ ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
 """Nominal physics of the rope worlds: the same materials on the same table, with different mechanics."""
 BEAN_WORLD: Final = WorldPhysics(table_friction=0.4)
 """Nominal physics of beans on a table."""
+CLOTH_WORLD: Final = WorldPhysics(table_friction=0.5, finger_friction=0.8)
+"""Nominal physics of a cloth in a gripper."""
 
 
 _LENGTH_M, _RADIUS_M = 0.40, 0.008
@@ -121,30 +142,6 @@ def with_size(physics: WorldPhysics, rope: Rope) -> WorldPhysics:
     if cable is not None:
         cable = replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffer)
     return replace(physics, rope=chain, cable=cable)
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class ClothPhysics:
-    """A light woven cloth: it hardly stretches, and bends freely.
-
-    `membrane_n_m`: Young's modulus times thickness; a cloth of 12 g that hangs from a grip of 60 mm stretches by 2 %.
-    `cloth_half_thickness_m`: of the contact layer; time step and mesh need more than a real cloth has. `air_drag_1_s`:
-    decay rate of motion through the air. `hold_time_s`: time constant in which held nodes follow.
-    """
-
-    membrane_n_m: float = 100.0
-    poisson: float = 0.2
-    membrane_damping_s: float = 1e-3
-    cloth_half_thickness_m: float = 0.002
-    air_drag_1_s: float = 3.0
-    table_friction: float = 0.5
-    finger_friction: float = 0.8
-    gravity_m_s2: float = 9.81
-    time_step_s: float = 0.002
-    contact_time_s: float = 0.006
-    hold_time_s: float = 0.010
-    friction_stiffness: float = 10.0
 
 
 Position = Float64[ndarray, "3"]

@@ -1,0 +1,56 @@
+"""Recordings of a carried cloth in MuJoCo's world, seen in rendered images, with an effect hidden in them.
+
+Frictions and the cloth's stiffness are drawn, as are the places where it lies and where it is taken. No noise of clouds
+stands for the cameras: what of a cloth in the air is seen, and what its folds hide, is no noise.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import final
+
+from app.commands._hiding import PushRecordingConfig, Stopwatch, record
+from app.core.geometry.scene_description import Cloth
+from app.policy.random_carries import carry_design
+from app.policy.random_pushes import PushDesign
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
+from app.rig.simulated.injected_effects.base import InjectedEffect
+from app.rig.simulated.worlds.physics import WorldPhysics
+from app.tasks import load
+from app.tasks.elements.base import Task
+from bench.hidden.draws import Chosen, real_size
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ClothCase:
+    """A recording to be made: a seed, from which all else is drawn, and the hidden effects."""
+
+    seed: int
+    hidden: tuple[Chosen, ...] = ()
+    plan: PushDesign = field(default_factory=lambda: carry_design(6, 5))
+
+    @property
+    def task(self) -> Task:
+        """The cell's cloth."""
+        return load("cloth_hang")
+
+    @property
+    def physics(self) -> WorldPhysics:
+        """The world's: frictions and stiffness off by up to 30 %."""
+        cloth = self.task.stage.body
+        assert isinstance(cloth, Cloth)
+        return mistune(self.seed, body=cloth)
+
+    @property
+    def injected(self) -> tuple[InjectedEffect, ...]:
+        """The effects, with directions, places and signs of their own."""
+        wishes = [InjectionRequest(each.effect, real_size(each, Cloth)) for each in self.hidden]
+        return draw(wishes, self.seed, Cloth)
+
+    def record_in(self, folder: Path) -> list[Path]:
+        """The recordings in a new folder, as `dipac hide` makes them."""
+        folder.mkdir(parents=True)
+        made = PushRecordingConfig(
+            task=self.task, plan=self.plan, physics=self.physics, hidden=self.injected, seed=self.seed, folder=folder
+        )
+        return list(dict.fromkeys(record(made, Stopwatch())))
