@@ -215,11 +215,17 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
             "Tool and object are not in the same frame, or their clocks disagree, so no cause is named: give both in "
             "metres in the robot's base frame, z up from the table."
             if moved.any()
-            else "Pushes that touch nothing say nothing about the object, so no cause is named: push through it, with "
-            f"the tip lower than {_MILLI * subject.low_m:.0f} mm over the table."
+            else "Motions that touch nothing say nothing about the object, so no cause is named: "
+            + _how_to_touch(subject)
         ),
         fatal=True,
     )
+
+
+def _how_to_touch(subject: Subject) -> str:
+    if subject.kind.is_in_space:
+        return "carry it in the gripper."
+    return f"push through it, with the tip lower than {_MILLI * subject.low_m:.0f} mm over the table."
 
 
 def _came_near(push: Push, subject: Subject) -> bool:

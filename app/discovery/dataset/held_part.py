@@ -33,7 +33,9 @@ def _with_held_part(push: Push, gripper: Gripper) -> Push:
     return replace(push, before=replace(push.before, points=whole))
 
 
-def _between(x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], gripper: Gripper) -> Float32[np.ndarray, "M 3"]:
+def _between(
+    x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], gripper: Gripper
+) -> Float32[np.ndarray, "M 3"]:
     """Points on the line between the fingers' tips, and from it to the nearest points that are seen."""
     across = np.array([pose[4] ** 2 - pose[5] ** 2, 2 * pose[4] * pose[5], 0.0])
     line = pose[:3] + np.linspace(-1, 1, _ACROSS)[:, None] * gripper.half_m[0] * across

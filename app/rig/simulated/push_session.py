@@ -207,8 +207,13 @@ def _rest(world: World) -> StampedSnapshot:
 
 def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     """Encoder track, at the times of the command."""
-    told = arm.goes(command, told_only=True).at(command.times_s)
-    return command.with_positions(told + rng.normal(0, _ENCODER_M, told.shape))
+    told = arm.goes(command, told_only=True)
+    at = told.at(command.times_s)
+    positions = at + rng.normal(0, _ENCODER_M, at.shape)
+    if np.all(command.poses[:, 3:] == command.poses[0, 3:]):
+        return command.with_positions(positions)
+    turns = told.poses_at(command.times_s)[:, 3:]
+    return Track(times_s=command.times_s, poses=np.concatenate([positions, turns], axis=1))
 
 
 def _follow(world: World, track: Track, until_s: float) -> None:
