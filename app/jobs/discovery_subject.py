@@ -33,7 +33,7 @@ from app.tasks.elements.base import Task
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
 _FITTED_OF_CLOTH: Final = ("stiffness", "table_friction")
-"""What is fitted whatever the cause: not the friction of rods, over which no cloth is hung here."""
+"""Parameters of a cloth that are fitted whatever the cause: not the friction of rods, over which none is hung here."""
 _PARTICLES_OF_CLOTH, _CELL_M, _SLOWER = 128, 0.04, 1.35
 """Particles and cells of a carried cloth, and its time step over a planner's: half as many particles on a grid as
 coarse as they are sparse take a third of the time, and err as much (46 and 45 mm a carry, 10 carries)."""

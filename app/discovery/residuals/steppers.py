@@ -32,6 +32,8 @@ _LEVER, _SLID_M = 2.0, 0.1
 """Bound on an object's displacement, as a multiple of the tool's path, and a slide by itself [m]."""
 _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
+_CARRY_LENGTHS = 1.25
+"""The least of carries, no two of which take as long: to each its own length would fill chunks with repetitions."""
 _ROD_LENGTHS = 1.5
 """The same of rods, whose path is simulated as one."""
 
@@ -69,7 +71,9 @@ def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
 
 def length_ratio(subject: Subject, platform: str) -> float:
     """Ratio of one length of paths to the next longer one; 1: every number of blocks is a length."""
-    return _LENGTHS[platform] if subject.rods is None else _ROD_LENGTHS
+    if subject.rods is not None:
+        return _ROD_LENGTHS
+    return max(_LENGTHS[platform], _CARRY_LENGTHS) if subject.kind.is_in_space else _LENGTHS[platform]
 
 
 def of_one_length(subject: Subject) -> bool:
