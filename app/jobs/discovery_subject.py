@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import Beans, Cloth
-from app.core.geometry.shapes.tools import Gripper
 from app.core.measured_setup import MeasuredSetup
 from app.core.messages import Parameter
 from app.discovery.checks.placement import centre
@@ -116,7 +115,6 @@ def _subject_of_grains(task: Task, beans: Beans, sweeps: Sweeps, priors: Sequenc
 
 def _subject_of_cloth(task: Task, cloth: Cloth, priors: Sequence[Parameter]) -> Subject:
     """Model under test of a cloth in a gripper, which touches it wherever it is."""
-    assert isinstance(task.stage.tool, Gripper)
     grasp, *others = task.scene.tools
     assert isinstance(grasp, Grasp)
     return Subject(
@@ -136,7 +134,7 @@ def _subject_of_cloth(task: Task, cloth: Cloth, priors: Sequence[Parameter]) -> 
         nominal=phi_of(nominal_model(task.name, priors)),
         calibrated=_FITTED_OF_CLOTH,
         kind=CLOTH,
-        gripper=task.stage.tool,
+        fingers=task.stage.tool.fingers,
         initial_state=cloth_at_rest,
         priors=tuple(priors),
     )

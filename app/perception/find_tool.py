@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.shapes.tools import Gripper, Tool
+from app.core.geometry.shapes.tools import Tool
 from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.paddle_fit import gripper_points, paddle_points
@@ -25,6 +25,6 @@ def find_tool(frames: Sequence[Frame], pose: Pose, tool: Tool, how: Reconstructi
         return tool_points(frames, pose[:3], how, radius_m=tool.ball_m)
     if tool.board_m is not None:
         return paddle_points(frames, pose, how, half_m=tool.board_m)
-    if isinstance(tool, Gripper) and len(pose) == _OPENS and pose[7] < tool.closed_m:
-        return gripper_points(frames, pose, how, tool)
+    if tool.fingers is not None and len(pose) == _OPENS and pose[7] < tool.fingers.closed_m:
+        return gripper_points(frames, pose, how, half_m=tool.fingers.half_m)
     return np.zeros((0, 3), np.float32)

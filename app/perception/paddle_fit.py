@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.shapes.tools import Gripper
 from app.core.messages import Frame
 from app.core.types import Cloud, Path3
 from app.perception.cloud.depth import behind_an_edge, deproject
@@ -81,13 +80,17 @@ def paddle_points(
 
 
 def gripper_points(
-    frames: Sequence[Frame], pose: Float64[np.ndarray, "8"], how: Reconstruction, gripper: Gripper
+    frames: Sequence[Frame],
+    pose: Float64[np.ndarray, "8"],
+    how: Reconstruction,
+    *,
+    half_m: tuple[float, float, float],
 ) -> Cloud:
     """As `paddle_points`, of a closed gripper, whose fingers together are such a box; their mean is between its tips.
 
-    `pose` ends with the opening [m].
+    `pose` ends with the opening [m]; `half_m`: half sides of a finger, as `Gripper` has them.
     """
-    across, thick, tall = gripper.half_m
+    across, thick, tall = half_m
     up = np.array([0.0, 0.0, tall])
     middle = np.concatenate([pose[:3] + up, pose[3:7]])
     found = paddle_points(frames, middle, how, half_m=(across, 2 * thick + float(pose[7]) / 2, tall))

@@ -16,7 +16,7 @@ from app.tasks import load
 
 TASK = load("cloth_hang")
 SUBJECT = subject_of(TASK)
-GRIPPER = SUBJECT.gripper
+FINGERS = SUBJECT.fingers
 AT = np.array([0.55, -0.15, 0.25])
 HIDDEN_M = 0.02
 """Part of the cloth below the tips of the fingers that no camera sees."""
@@ -83,20 +83,20 @@ def test_a_stretch_along_the_cloth_is_projected_and_registered_alike() -> None:
 
 
 def test_the_part_between_the_fingers_is_added_where_they_are_closed_and_nowhere_else() -> None:
-    assert GRIPPER is not None
+    assert FINGERS is not None
     x, study = hanging(), study_of(hanging(), 1)
-    (whole,) = with_held_parts(study, GRIPPER).pushes
+    (whole,) = with_held_parts(study, FINGERS).pushes
     assert whole.before.points.shape == x.shape
     assert np.linalg.norm(x - AT, axis=1).min() > 0.9 * HIDDEN_M
     away = whole.before.points - AT
     assert np.linalg.norm(away, axis=1).min() < 1e-6
     assert np.sum(np.abs(away[:, 2]) < 1e-6) == 5
     opened = study.pushes[0].command.poses.copy()
-    opened[:, 7] = GRIPPER.opening_m
+    opened[:, 7] = FINGERS.opening_m
     track = Track(times_s=study.pushes[0].command.times_s, poses=opened)
     before = study.pushes[0].before
     loose = Push(episode=0, before=before, during=(), after=before, command=track, measured=track)
-    (same,) = with_held_parts(Study(task=TASK.name, pushes=(loose,)), GRIPPER).pushes
+    (same,) = with_held_parts(Study(task=TASK.name, pushes=(loose,)), FINGERS).pushes
     assert np.array_equal(same.before.points, x)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.spatial import KDTree
 
-from app.core.geometry.shapes.tools import Gripper
+from app.core.geometry.shapes.base import Fingers
 from app.discovery.dataset.study import Push, Study
 
 _SPACING_M: Final = 0.008
@@ -16,29 +16,29 @@ _ACROSS: Final = 5
 """Points between the fingers, along their width."""
 
 
-def with_held_parts(study: Study, gripper: Gripper) -> Study:
+def with_held_parts(study: Study, fingers: Fingers) -> Study:
     """The study with clouds that reach the gripper, before each motion that begins with it closed."""
-    return replace(study, pushes=tuple(_with_held_part(push, gripper) for push in study.pushes))
+    return replace(study, pushes=tuple(_with_held_part(push, fingers) for push in study.pushes))
 
 
-def _with_held_part(push: Push, gripper: Gripper) -> Push:
+def _with_held_part(push: Push, fingers: Fingers) -> Push:
     """As many points as there were: some of those seen are left out for those between the fingers."""
     pose = push.track.poses[0]
-    if len(pose) < 8 or pose[7] > gripper.closed_m:
+    if len(pose) < 8 or pose[7] > fingers.closed_m:
         return push
     x = push.before.points
-    added = _between(x.astype(np.float64), pose, gripper)
+    added = _between(x.astype(np.float64), pose, fingers)
     kept = np.random.default_rng(0).permutation(len(x))[: max(len(x) - len(added), 0)]
     whole = np.concatenate([x[np.sort(kept)], added.astype(np.float32)])[: len(x)]
     return replace(push, before=replace(push.before, points=whole))
 
 
 def _between(
-    x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], gripper: Gripper
+    x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], fingers: Fingers
 ) -> Float32[np.ndarray, "M 3"]:
     """Points on the line between the fingers' tips, and from it to the nearest points that are seen."""
     across = np.array([pose[4] ** 2 - pose[5] ** 2, 2 * pose[4] * pose[5], 0.0])
-    line = pose[:3] + np.linspace(-1, 1, _ACROSS)[:, None] * gripper.half_m[0] * across
+    line = pose[:3] + np.linspace(-1, 1, _ACROSS)[:, None] * fingers.half_m[0] * across
     away_m, nearest = KDTree(x).query(line)
     parts = [line]
     for begin, end, distance_m in zip(line, x[nearest], away_m, strict=True):

@@ -9,7 +9,8 @@ import jax
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.geometry.shapes.tools import Finger, Gripper
+from app.core.geometry.shapes.base import Fingers
+from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.core.messages import Parameter
 from app.discovery import sensor_actuator_errors
@@ -74,8 +75,8 @@ class Subject:
     kind: ObjectTraits = ROPE
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
-    gripper: Gripper | None = None
-    """The tool, where it holds the object all the while."""
+    fingers: Fingers | None = None
+    """Fingers of a tool that holds the object all the while."""
     initial_state: InitialState = State.at_rest
     """State of the object's particles at places (B, N, 3) where they are at rest; not of rods."""
     priors: tuple[Parameter, ...] = ()

@@ -155,8 +155,8 @@ class SimulationBatch:
 
 def prepare(study: Study, subject: Subject) -> SimulationBatch:
     """Label particles by their place along the object, and find when the tool could touch it."""
-    if subject.gripper is not None:
-        study = with_held_parts(study, subject.gripper)
+    if subject.fingers is not None:
+        study = with_held_parts(study, subject.fingers)
     pushes = study.pushes
     labels, middles = label_particles([push.before.points for push in pushes], subject.rods, subject.kind)
     during = [_midway(push, subject) for push in pushes]

@@ -4,7 +4,7 @@ A class of `tools.py` or `fixtures.py` is all that perception, goals and the arm
 world or a picture that makes something of its own of it, in `app/rig/simulated`, asks for its type.
 """
 
-from typing import ClassVar, Protocol, TypeAlias
+from typing import ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool
@@ -16,6 +16,14 @@ from app.core.types import Cloud, ToolPose
 Colour: TypeAlias = tuple[float, float, float]
 """RGB albedo in 0..1."""
 Vector: TypeAlias = tuple[float, float, float]
+
+
+class Fingers(NamedTuple):
+    """Two upright fingers: half sides [m] of each, largest opening [m], and that below which they hold [m]."""
+
+    half_m: Vector
+    opening_m: float
+    closed_m: float
 
 
 class ToolGeometry(Protocol):
@@ -40,6 +48,11 @@ class ToolGeometry(Protocol):
     @property
     def board_m(self) -> Vector | None:
         """Half sides of a board about its place by which cameras find the tool [m]; None without one."""
+        return None
+
+    @property
+    def fingers(self) -> Fingers | None:
+        """Fingers that hold an object between them; None of a tool without."""
         return None
 
     def outline(self, at: ToolPose) -> Outline | None:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.shapes.base import Colour, ToolGeometry, Vector
+from app.core.geometry.shapes.base import Colour, Fingers, ToolGeometry, Vector
 from app.core.geometry.shapes.hulls import Corners, box_corners, capsule_corners, strip_corners
 from app.core.geometry.shapes.outlines import Rectangle, Stadium
 from app.core.types import ToolPose
@@ -120,6 +120,11 @@ class Gripper(ToolGeometry):
             box_corners(self.half_m, turn, at[:3] + turn @ np.array([0.0, side * aside, -self.half_m[2]]), 0.0)
             for side in (-1, 1)
         ]
+
+    @property
+    def fingers(self) -> Fingers:
+        """Both of them."""
+        return Fingers(half_m=self.half_m, opening_m=self.opening_m, closed_m=self.closed_m)
 
     def outline(self, at: ToolPose) -> None:
         """None: it holds."""

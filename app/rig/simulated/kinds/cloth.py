@@ -8,15 +8,20 @@ from app.rig.simulated.worlds.shapes import Surface, sheet
 from app.rig.simulated.worlds.world import Nodes
 
 
+def cloth_and_gripper(stage: Stage) -> tuple[Cloth, Gripper]:
+    """The cloth and the gripper; TypeError for another tool."""
+    if not isinstance(stage.tool, Gripper):
+        raise TypeError(f"A cloth is held by a Gripper, not by a {type(stage.tool).__name__}.")
+    return _cloth(stage), stage.tool
+
+
 def _node_count(stage: Stage) -> int:
     return _cloth(stage).nodes_a_side ** 2
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> ClothWorld:
     """The world of a cloth. Raises TypeError where the tool cannot hold one."""
-    if not isinstance(stage.tool, Gripper):
-        raise TypeError(f"A cloth is held by a Gripper, not by a {type(stage.tool).__name__}.")
-    return ClothWorld(_cloth(stage), stage.tool, start, fixtures=stage.fixtures, time_s=time_s)
+    return ClothWorld(*cloth_and_gripper(stage), start, fixtures=stage.fixtures, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:

@@ -5,11 +5,11 @@ from typing import Any, final
 import numpy as np
 
 from app.core.geometry.scene_description import Cloth
-from app.core.geometry.shapes.tools import Gripper
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
 from app.policy.random_carries import carry_design, random_carry, random_grasp
 from app.policy.random_pushes import PushDesign
+from app.rig.simulated.kinds.cloth import cloth_and_gripper
 from app.rig.simulated.testbeds.base import Before
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from app.rig.simulated.worlds.effect_injector import Intrusion
@@ -30,7 +30,7 @@ class ClothCarries:
 
     def body(self, task: Task) -> Cloth:
         """The cloth."""
-        return _cloth_and_gripper(task)[0]
+        return cloth_and_gripper(task.stage)[0]
 
     def design(self, episodes: int, pushes: int) -> PushDesign:
         """See `carry_design`."""
@@ -47,7 +47,7 @@ class ClothCarries:
     ) -> ClothWorld:
         """The cloth at `start`."""
         del before
-        cloth, gripper = _cloth_and_gripper(task)
+        cloth, gripper = cloth_and_gripper(task.stage)
         return ClothWorld(
             cloth,
             gripper,
@@ -70,7 +70,7 @@ class ClothCarries:
         tool: ToolPose | None = None,
     ) -> Track:
         """A carry from where the last one ended; the first one of an episode takes the cloth at its edge."""
-        cloth, gripper = _cloth_and_gripper(task)
+        cloth, gripper = cloth_and_gripper(task.stage)
         if tool is None:
             knots = nodes.reshape(cloth.nodes_a_side, cloth.nodes_a_side, 3)
             edge = np.concatenate([knots[0], knots[-1], knots[1:-1, 0], knots[1:-1, -1]]).astype(np.float32)
@@ -81,13 +81,6 @@ class ClothCarries:
         """Stiffness of the cloth [N/m], and the rate at which the air slows it [1/s]."""
         del start
         return {"membrane_n_m": physics.cloth.membrane_n_m, "air_drag_1_s": physics.cloth.air_drag_1_s}
-
-
-def _cloth_and_gripper(task: Task) -> tuple[Cloth, Gripper]:
-    cloth, gripper = task.stage.body, task.stage.tool
-    if not (isinstance(cloth, Cloth) and isinstance(gripper, Gripper)):
-        raise TypeError(f"{task.name} has no cloth in a gripper.")
-    return cloth, gripper
 
 
 TESTBED = ClothCarries()
