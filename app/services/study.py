@@ -221,9 +221,9 @@ def _observed_at_s(points: Points, cause: tuple[MessageId, ...], episode: _Recor
     return min(times, key=lambda time_s: abs(time_s - otherwise_s), default=otherwise_s)
 
 
-def _resample(points: Points, count: int, path: Path) -> Points:
+def _resample(cloud: Cloud, count: int, path: Path) -> Points:
     try:
-        return resample_to(points, count)
+        return resample_to(cloud, count)
     except ValueError as error:
         raise RecordingError(f"{path}: a cloud cannot be compared with the simulation: {error}") from None
 
