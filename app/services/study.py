@@ -199,7 +199,10 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
 
 
 def _track(executed: Executed, poses: Poses, subject: Subject) -> Track:
-    """The tool's track, with the opening of a tool that opens; closed throughout where nothing is said of that."""
+    """The tool's track, with the opening of a tool that opens; closed throughout where nothing is said of that.
+
+    Openings are as measured, of a command as well: recordings have no others.
+    """
     if subject.tool_coordinates == _OPENS:
         openings = executed.openings if len(executed.openings) else np.zeros(len(poses))
         poses = np.concatenate([poses, openings[:, None]], axis=1)

@@ -49,7 +49,11 @@ def test_the_encoders_tell_the_delay_and_the_truth_names_it(late: Path) -> None:
         assert push.command.poses.shape[1] == push.measured.poses.shape[1] == 8
         later = push.command.poses_at(push.command.times_s - 0.2)
         assert np.abs(push.measured.positions - later[:, :3]).max() < 1e-3
-        assert push.measured.poses[:, 3:] == pytest.approx(later[:, 3:], abs=1e-6)
+        assert push.measured.poses[:, 3:7] == pytest.approx(later[:, 3:7], abs=1e-6)
+    first = study.pushes[0].measured
+    assert first is not None
+    closed_s = first.times_s[np.argmax(first.poses[:, 7] < GRIPPER.closed_m)]
+    assert closed_s - first.times_s[0] == pytest.approx(0.2 + 0.1 + 0.3 * 0.78, abs=0.05)
     carried = study.pushes[1].after.points.mean(0) - study.pushes[0].before.points.mean(0)
     assert np.linalg.norm(carried) > 0.02
 

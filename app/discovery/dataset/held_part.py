@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.spatial import KDTree
 
-from app.core.geometry.shapes.base import Fingers
+from app.core.geometry.shapes.base import GripperFingers
 from app.discovery.dataset.study import Push, Study
 
 _SPACING_M: Final = 0.008
@@ -16,12 +16,12 @@ _ACROSS: Final = 5
 """Points between the fingers, along their width."""
 
 
-def with_held_parts(study: Study, fingers: Fingers) -> Study:
+def with_held_parts(study: Study, fingers: GripperFingers) -> Study:
     """The study with clouds that reach the gripper, before each motion that begins with it closed."""
     return replace(study, pushes=tuple(_with_held_part(push, fingers) for push in study.pushes))
 
 
-def _with_held_part(push: Push, fingers: Fingers) -> Push:
+def _with_held_part(push: Push, fingers: GripperFingers) -> Push:
     """As many points as there were: some of those seen are left out for those between the fingers."""
     pose = push.track.poses[0]
     if len(pose) < 8 or pose[7] > fingers.closed_m:
@@ -34,7 +34,7 @@ def _with_held_part(push: Push, fingers: Fingers) -> Push:
 
 
 def _between(
-    x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], fingers: Fingers
+    x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], fingers: GripperFingers
 ) -> Float32[np.ndarray, "M 3"]:
     """Points on the line between the fingers' tips, and from it to the nearest points that are seen."""
     across = np.array([pose[4] ** 2 - pose[5] ** 2, 2 * pose[4] * pose[5], 0.0])

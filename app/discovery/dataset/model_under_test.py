@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.geometry.shapes.base import Fingers
+from app.core.geometry.shapes.base import GripperFingers
 from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.core.messages import Parameter
@@ -75,8 +75,8 @@ class Subject:
     kind: ObjectTraits = ROPE
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
-    fingers: Fingers | None = None
-    """Fingers of a tool that holds the object all the while."""
+    fingers: GripperFingers | None = None
+    """GripperFingers of a tool that holds the object all the while."""
     initial_state: InitialState = State.at_rest
     """State of the object's particles at places (B, N, 3) where they are at rest; not of rods."""
     priors: tuple[Parameter, ...] = ()

@@ -18,7 +18,7 @@ Colour: TypeAlias = tuple[float, float, float]
 Vector: TypeAlias = tuple[float, float, float]
 
 
-class Fingers(NamedTuple):
+class GripperFingers(NamedTuple):
     """Two upright fingers: half sides [m] of each, largest opening [m], and that below which they hold [m]."""
 
     half_m: Vector
@@ -51,8 +51,8 @@ class ToolGeometry(Protocol):
         return None
 
     @property
-    def fingers(self) -> Fingers | None:
-        """Fingers that hold an object between them; None of a tool without."""
+    def fingers(self) -> GripperFingers | None:
+        """GripperFingers that hold an object between them; None of a tool without."""
         return None
 
     def outline(self, at: ToolPose) -> Outline | None:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.geometry.shapes.base import Colour, Fingers, ToolGeometry, Vector
+from app.core.geometry.shapes.base import Colour, GripperFingers, ToolGeometry, Vector
 from app.core.geometry.shapes.hulls import Corners, box_corners, capsule_corners, strip_corners
 from app.core.geometry.shapes.outlines import Rectangle, Stadium
 from app.core.types import ToolPose
@@ -122,9 +122,9 @@ class Gripper(ToolGeometry):
         ]
 
     @property
-    def fingers(self) -> Fingers:
+    def fingers(self) -> GripperFingers:
         """Both of them."""
-        return Fingers(half_m=self.half_m, opening_m=self.opening_m, closed_m=self.closed_m)
+        return GripperFingers(half_m=self.half_m, opening_m=self.opening_m, closed_m=self.closed_m)
 
     def outline(self, at: ToolPose) -> None:
         """None: it holds."""
