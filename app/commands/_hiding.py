@@ -244,7 +244,7 @@ class Scribe:
         with self._watch.on("images"):
             frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
         with self._watch.on("particles"):
-            found = reconstruct(frames, self._how)
+            found = reconstruct(frames, self._how, look.told)
         particles = Particles(
             id=MessageId(f"particles-{number:06d}"),
             cause=tuple(frame.id for frame in frames),

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from app.core.geometry.shapes.tools import Tool
 from app.core.messages import Frame
 from app.core.types import Cloud
+from app.perception.bowl_fit import bowl_points
 from app.perception.paddle_fit import paddle_points
 from app.perception.reconstruct import Reconstruction
 from app.perception.tool_tip_fit import tool_points
@@ -23,4 +24,6 @@ def find_tool(frames: Sequence[Frame], pose: Pose, tool: Tool, how: Reconstructi
         return tool_points(frames, pose[:3], how, radius_m=tool.ball_m)
     if tool.board_m is not None:
         return paddle_points(frames, pose, how, half_m=tool.board_m)
+    if tool.bowl_m is not None:
+        return bowl_points(frames, pose, how, radius_m=tool.bowl_m)
     return np.zeros((0, 3), np.float32)

@@ -21,6 +21,8 @@ class ObjectTraits:
     parameter has its own."""
     errs_with_tool: bool
     """True if the simulator errs in what a moved tool does, too."""
+    is_poured: bool = False
+    """True of what has no shape of its own: compared is how much of it is in a bowl, at rest alone."""
 
 
 ROPE: Final = ObjectTraits(name="rope", has_length=True, is_chaotic=False, physics_null_sd=None, errs_with_tool=False)
@@ -28,3 +30,6 @@ ROPE: Final = ObjectTraits(name="rope", has_length=True, is_chaotic=False, physi
 # 0.8 typical sizes, and of some of them (friction that falls with speed, cohesion, an obstacle, an attraction) the same
 # in all four. So none of a typical size is named in pieces.
 GRAINS: Final = ObjectTraits(name="grains", has_length=False, is_chaotic=True, physics_null_sd=1.0, errs_with_tool=True)
+LIQUID: Final = ObjectTraits(
+    name="liquid", has_length=False, is_chaotic=False, physics_null_sd=None, errs_with_tool=True, is_poured=True
+)

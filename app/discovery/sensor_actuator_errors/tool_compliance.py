@@ -6,6 +6,7 @@ the same length at every speed, but only in contact.
 
 from app.core.geometry.track import Track
 from app.discovery.sensor_actuator_errors.base import Apparatus, Load, Values, one
+from app.sim.effects.base import SOLIDS
 
 
 def _drive(track: Track, load: Load, values: Values) -> Track:
@@ -16,6 +17,7 @@ def _drive(track: Track, load: Load, values: Values) -> Track:
 
 EFFECT = Apparatus(
     family="actuation",
+    objects=SOLIDS,
     parameters=one("tool_compliance", "m/N", 0.02, 0.2, "How far the tip gives way."),
     drive=_drive,
 )

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.geometry.scene_description import Beans, Body, Rope, RopeModel
+from app.core.geometry.scene_description import Beans, Body, Liquid, Rope, RopeModel
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, InjectedParameter
-from app.rig.simulated.worlds.physics import BEAN_WORLD, ROPE_WORLDS, WorldPhysics, with_size
+from app.rig.simulated.worlds.physics import BEAN_WORLD, LIQUID_WORLD, ROPE_WORLDS, WorldPhysics, with_size
 from app.sim import effects
 from app.sim.files import files_of
 from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
@@ -63,15 +63,18 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Liquid | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
-    `body`: a rope of other sizes than the cell's, or beans, whose resistance to rolling is perturbed.
+    `body`: a rope of other sizes than the cell's, or beans, whose resistance to rolling is perturbed, or a liquid, of
+    which that is its bulk modulus.
     """
     table, tool, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
     if isinstance(body, Beans):
         nominal, rolling_m = BEAN_WORLD, BEAN_WORLD.rolling.rolling_m * stiffness
         rubbing = replace(nominal, rolling=replace(nominal.rolling, rolling_m=rolling_m))
+    elif isinstance(body, Liquid):
+        nominal, rubbing = LIQUID_WORLD, replace(LIQUID_WORLD, bulk_pa=LIQUID_WORLD.bulk_pa * stiffness)
     else:
         nominal = ROPE_WORLDS[world] if body is None else with_size(ROPE_WORLDS[world], body)
         rubbing = _with_stiffness(nominal, stiffness)

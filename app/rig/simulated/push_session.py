@@ -15,7 +15,7 @@ from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.policy.random_pushes import PushDesign, midway_s
+from app.policy.random_pushes import PushDesign
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.testbeds import find_testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
@@ -31,6 +31,8 @@ BEGIN_S = 1000.0
 _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
 """Time for a laid object to come to rest; for the arm's approach; and for the object to come to rest after the push."""
 _TICK_S = 0.01
+_OPENS = 8
+"""Numbers of a pose that says how far the tool is open."""
 _ENCODER_M = 1e-4
 _DIGITS = 6
 """Decimal digits of a second that are kept of the sum of many time steps."""
@@ -41,10 +43,15 @@ _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampedSnapshot:
-    """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
+    """Snapshot of the world at a moment that cameras stamp `stamp_s`.
+
+    `told`: pose of a tool that holds the object by the kinematics, in which reconstructions place what it hides; None
+    of other tools.
+    """
 
     stamp_s: float
     snapshot: Snapshot
+    told: ToolPose | None = None
 
 
 @final
@@ -78,6 +85,7 @@ class PushSession:
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
         self._world: World | None = None
         self._before: StampedSnapshot | None = None
+        self._last: ToolPose | None = None
 
     @property
     def episode(self) -> int:
@@ -90,26 +98,55 @@ class PushSession:
             raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
         begin_s = BEGIN_S + self.episode * self.plan.pushes * SLOT_S
         if self.number % self.plan.pushes == 0:
-            self._world = self._laid_anew(begin_s)
+            self._world, self._last = self._laid_anew(begin_s), None
         assert self._world is not None
         self._intrusion.session = _session(self.number, self.plan)
         _wait(self._world, begin_s + self.number % self.plan.pushes * SLOT_S)
-        self._before = _rest(self._world)
+        told = self._last if self._last is not None else self._world.tool
+        self._before = _rest(self._world, told if self._testbed.holds else None)
         return self._before
 
     def random(self) -> Track:
         """Random push for the last look; independent of any call before it."""
         world, _ = self._looked_at()
         rng, start_s = np.random.default_rng([self._seed, _TRACKS, self.number]), world.time_s + _PAUSE_S
-        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s)
+        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s, tool=self._last)
 
     def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
-        take = _push(world, self._arm, before, command, self.episode, encoders)
+        made = self._arm.goes(command, told_only=False)
+        if self._last is None:
+            world.place(_pose(made, float(made.times_s[0])))
+        else:
+            world.step(_pose(made, float(made.times_s[0])), float(command.times_s[0]) - world.time_s)
+        measured = _measure(self._arm, command, encoders)
+        during = self._watch(world, made, command, measured)
+        if self._testbed.holds:
+            self._last = _pose(command, command.end_s)
+            _wait(world, world.time_s + _REST_S)
+        else:
+            _withdraw(world)
+        take = PushSample(
+            episode=self.episode,
+            before=before,
+            during=during,
+            after=_rest(world, self._last),
+            command=command,
+            measured=measured,
+        )
         self.number, self._before = self.number + 1, None
         return take
+
+    def _watch(self, world: World, made: Track, command: Track, measured: Track) -> StampedSnapshot:
+        """Move the tool as the arm made it of the command; the snapshot on the way."""
+        stamp_s = self._testbed.midway_s(command)
+        _follow(world, made, stamp_s + self._arm.late_s)
+        told = _pose(measured, stamp_s) if self._testbed.holds else None
+        during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot(), told=told)
+        _follow(world, made, max(made.end_s, command.end_s))
+        return during
 
     def _looked_at(self) -> tuple[World, StampedSnapshot]:
         if self._world is None or self._before is None:
@@ -160,42 +197,26 @@ class _Arm:
         return track
 
 
-def _push(
-    world: World, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
-) -> PushSample:
-    """Execute a push in the world, which is at rest."""
-    made = arm.goes(command, told_only=False)
-    stamp_s = midway_s(command.times_s)
-    world.place(_pose(made, float(made.times_s[0])))
-    _follow(world, made, stamp_s + arm.late_s)
-    during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
-    _follow(world, made, max(made.end_s, command.end_s))
-    _withdraw(world)
-    return PushSample(
-        episode=episode,
-        before=before,
-        during=during,
-        after=_rest(world),
-        command=command,
-        measured=_measure(arm, command, encoders),
-    )
-
-
 def _withdraw(world: World) -> None:
     """Withdraw the tool, and let the object come to rest."""
     world.place(pointing_down(np.array(HOME_TOOL_M)))
     _wait(world, world.time_s + _REST_S)
 
 
-def _rest(world: World) -> StampedSnapshot:
+def _rest(world: World, told: ToolPose | None) -> StampedSnapshot:
     """Snapshot of a world at rest, when time offsets have no effect."""
-    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
+    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot(), told=told)
 
 
 def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     """Encoder track, at the times of the command."""
-    told = arm.goes(command, told_only=True).at(command.times_s)
-    return command.with_positions(told + rng.normal(0, _ENCODER_M, told.shape))
+    told = arm.goes(command, told_only=True)
+    at = told.at(command.times_s)
+    positions = at + rng.normal(0, _ENCODER_M, at.shape)
+    if np.all(command.poses[:, 3:] == command.poses[0, 3:]):
+        return command.with_positions(positions)
+    turns = told.poses_at(command.times_s)[:, 3:]
+    return Track(times_s=command.times_s, poses=np.concatenate([positions, turns], axis=1))
 
 
 def _follow(world: World, track: Track, until_s: float) -> None:
@@ -206,8 +227,9 @@ def _follow(world: World, track: Track, until_s: float) -> None:
 
 
 def _pose(track: Track, at_s: float) -> ToolPose:
-    """Pose of the closed tool at a time."""
-    return np.append(track.poses_at(np.array([at_s]))[0], 0.0)
+    """Pose of the tool at a time; it is closed where the track says nothing of that."""
+    (pose,) = track.poses_at(np.array([at_s]))
+    return pose if len(pose) == _OPENS else np.append(pose, 0.0)
 
 
 def _wait(world: World, until_s: float) -> None:

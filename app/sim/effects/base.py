@@ -16,6 +16,8 @@ EVERY: frozenset[ObjectKind] = frozenset({"rope", "grains", "cloth", "liquid"})
 ROPES: frozenset[ObjectKind] = frozenset({"rope"})
 GRAINS: frozenset[ObjectKind] = frozenset({"grains"})
 LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid"})
+SOLIDS: frozenset[ObjectKind] = EVERY - LIQUIDS
+"""Kinds that lie on the table or hang: what acts on the table, or at a place, does nothing to a liquid in bowls."""
 ClassT = TypeVar("ClassT")
 
 

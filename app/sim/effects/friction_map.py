@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import MIDDLE, MIDDLE_M, Effect, NodeContext
+from app.sim.effects.base import MIDDLE, MIDDLE_M, SOLIDS, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -29,6 +29,7 @@ def placed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="friction_slope_x",

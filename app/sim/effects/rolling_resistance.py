@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext
+from app.sim.effects.base import SOLIDS, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 
 
@@ -19,6 +19,7 @@ def rolling_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="rolling_share",

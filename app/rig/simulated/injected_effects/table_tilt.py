@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, Values, components, level
+from app.rig.simulated.injected_effects.base import ON_TABLES_OR_POURED, Hidden, Values, components, level
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 
@@ -17,5 +17,9 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
 
 
 HIDDEN = Hidden(
-    family="physics", bodies=ON_TABLES, quantities=components("tilt", "xy", "deg", 1.0, 5.0), draw=level, build=_build
+    family="physics",
+    bodies=ON_TABLES_OR_POURED,
+    quantities=components("tilt", "xy", "deg", 1.0, 5.0),
+    draw=level,
+    build=_build,
 )

@@ -5,8 +5,9 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.scene_description import Beans, Rope
+from app.core.geometry.scene_description import Beans, Cloth, Liquid, Rope
 from app.core.geometry.track import Track
+from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -18,9 +19,15 @@ Before: TypeAlias = Float64[np.ndarray, "L 3"]
 
 
 class Testbed(Protocol):
-    """A task's object as it is laid, moved at random, and told of in the sealed truth."""
+    """A task's object as it is laid, moved at random, and told of in the sealed truth.
 
-    def body(self, task: Task) -> Rope | Beans:
+    `holds`: the object stays in the tool from the first motion of an episode to its end.
+    """
+
+    @property
+    def holds(self) -> bool: ...  # noqa: D102 - named for what it is
+
+    def body(self, task: Task) -> Rope | Beans | Cloth | Liquid:
         """The object."""
         ...
 
@@ -41,9 +48,23 @@ class Testbed(Protocol):
         ...
 
     def draw_track(
-        self, task: Task, rng: np.random.Generator, nodes: Nodes, plan: PushDesign, *, start_s: float
+        self,
+        task: Task,
+        rng: np.random.Generator,
+        nodes: Nodes,
+        plan: PushDesign,
+        *,
+        start_s: float,
+        tool: ToolPose | None = None,
     ) -> Track:
-        """A random motion of the tool through the object at its nodes."""
+        """A random motion of the tool through the object at its nodes.
+
+        `tool`: where it holds the object, at the end of the last command; None of a tool that holds nothing.
+        """
+        ...
+
+    def midway_s(self, command: Track) -> float:
+        """A moment of a motion at which cameras look at it."""
         ...
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:

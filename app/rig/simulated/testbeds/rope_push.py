@@ -7,7 +7,8 @@ from jaxtyping import Float64
 
 from app.core.geometry.scene_description import Rope
 from app.core.geometry.track import Track
-from app.policy.random_pushes import PushDesign, random_track
+from app.core.types import ToolPose
+from app.policy.random_pushes import PushDesign, midway_s, random_track
 from app.rig.simulated.testbeds.base import Before
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import Centreline, WorldPhysics
@@ -22,6 +23,8 @@ _BODY_POINTS = 300
 @final
 class RopePushes:
     """Pushes through points of the rope, which is laid with its ends nearest to where they were."""
+
+    holds = False
 
     def body(self, task: Task) -> Rope:
         """The rope."""
@@ -45,9 +48,17 @@ class RopePushes:
         return RopeWorld(task.rope, task.finger, line, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(
-        self, task: Task, rng: np.random.Generator, nodes: Nodes, plan: PushDesign, *, start_s: float
+        self,
+        task: Task,
+        rng: np.random.Generator,
+        nodes: Nodes,
+        plan: PushDesign,
+        *,
+        start_s: float,
+        tool: ToolPose | None = None,
     ) -> Track:
         """See `random_track`."""
+        del tool
         return random_track(
             rng,
             fill_tube(nodes, task.rope.radius_m, _BODY_POINTS),
@@ -56,6 +67,10 @@ class RopePushes:
             height_m=task.finger.push_height_m,
             core_m=task.finger.half_m,
         )
+
+    def midway_s(self, command: Track) -> float:
+        """A moment in the later half of the push."""
+        return midway_s(command.times_s)
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
         """Stiffness of the rope, by its model, and the place of its end s = -1 [m]."""

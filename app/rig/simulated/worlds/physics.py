@@ -72,7 +72,8 @@ class WorldPhysics:
 
     `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
     `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: the rope's model, where
-    it is not the chain of `rope`.
+    it is not the chain of `rope`. `bulk_pa`: bulk modulus of a liquid, whose bowls' friction is `finger_friction` over
+    that of a finger times their own.
     """
 
     rope: RopePhysics = field(default_factory=RopePhysics)
@@ -85,6 +86,7 @@ class WorldPhysics:
     contact_time_s: float = 0.006
     friction_stiffness: float = 10.0
     finger_length_m: float = 0.12
+    bulk_pa: float = 4e4
 
     @property
     def segments(self) -> int:
@@ -98,6 +100,8 @@ ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
 """Nominal physics of the rope worlds: the same materials on the same table, with different mechanics."""
 BEAN_WORLD: Final = WorldPhysics(table_friction=0.4)
 """Nominal physics of beans on a table."""
+LIQUID_WORLD: Final = WorldPhysics(table_friction=0.4)
+"""Nominal physics of a liquid in bowls."""
 
 
 _LENGTH_M, _RADIUS_M = 0.40, 0.008
