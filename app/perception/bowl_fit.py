@@ -78,7 +78,7 @@ def _readings(frame: Frame, place: Float64[np.ndarray, "3"], how: Reconstruction
     return reading[(reading @ eye) > 0]
 
 
-def _on_wall(readings: Readings, shift: Float64[np.ndarray, "3"], radius_m: float) -> Readings:
+def _on_wall(readings: Readings, shift: Float64[np.ndarray, "3"], radius_m: float) -> Float64[np.ndarray, "W 3"]:
     """The readings near the outer wall of a bowl that is displaced by `shift`."""
     off_m = _OFF_WALL_M if shift.any() else _REACH_M
     return readings[np.abs(np.linalg.norm(readings - shift, axis=1) - radius_m) < off_m]

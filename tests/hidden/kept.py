@@ -12,10 +12,11 @@ from bench.hidden.beans import BeanCase
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict
+from bench.hidden.water import WaterCase
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "hidden"
-Case: TypeAlias = RopeCase | BeanCase
+Case: TypeAlias = RopeCase | BeanCase | WaterCase
 
 
 def concluded(case: Case) -> Verdict:

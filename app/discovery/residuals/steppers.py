@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from app.discovery.dataset.model_under_test import RodModel, Subject
+from app.sim.effects.base import Effect
 from app.sim.model.catalogue import EFFECTS
+from app.sim.model.params import columns_of
 from app.sim.model.scene import Scene
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
@@ -32,6 +34,8 @@ _LEVER, _SLID_M = 2.0, 0.1
 """Bound on an object's displacement, as a multiple of the tool's path, and a slide by itself [m]."""
 _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
+_POUR_LENGTHS = 1.25
+"""The same of a liquid, which rests at both ends, so that a longer path does no harm."""
 _ROD_LENGTHS = 1.5
 """The same of rods, whose path is simulated as one."""
 
@@ -56,10 +60,14 @@ class Stepper:
 
 
 def stepper(subject: Subject) -> Stepper:
-    """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study."""
+    """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study.
+
+    Of a liquid with those that act on it, which are a quarter of them.
+    """
     if subject.rods is not None:
         return _rod_stepper(subject.rods)
-    return _particle_stepper(subject.scene, subject.particle_count)
+    effects = tuple(effect for effect in EFFECTS if subject.kind.name in effect.objects or not subject.kind.is_poured)
+    return _particle_stepper(subject.scene, subject.particle_count, effects)
 
 
 def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
@@ -69,6 +77,8 @@ def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
 
 def length_ratio(subject: Subject, platform: str) -> float:
     """Ratio of one length of paths to the next longer one; 1: every number of blocks is a length."""
+    if subject.kind.is_poured:
+        return _POUR_LENGTHS
     return _LENGTHS[platform] if subject.rods is None else _ROD_LENGTHS
 
 
@@ -78,8 +88,9 @@ def of_one_length(subject: Subject) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _particle_stepper(scene: Scene, particles: int) -> Stepper:
-    simulate: Simulate = make_rollout(scene, particle_count=particles)
+def _particle_stepper(scene: Scene, particles: int, effects: tuple[Effect, ...]) -> Stepper:
+    simulate: Simulate = make_rollout(scene, particle_count=particles, effects=effects)
+    own = columns_of(effects)
 
     @jax.jit
     def block(phi: jax.Array, state: State, tool: jax.Array, label: jax.Array, time: jax.Array) -> State:
@@ -100,6 +111,7 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
         second: np.ndarray,
         _needed: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
+        phi = phi[:, own]
         stopped = moved(phi, State.at_rest(jnp.asarray(start[0])), first, label, time)
         return stopped.x, moved(phi, stopped, second, label, time).x
 

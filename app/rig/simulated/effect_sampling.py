@@ -13,7 +13,7 @@ from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, Inje
 from app.rig.simulated.worlds.physics import BEAN_WORLD, LIQUID_WORLD, ROPE_WORLDS, WorldPhysics, with_size
 from app.sim import effects
 from app.sim.files import files_of
-from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
+from app.sim.model.numerics import NUMERICS, OURS, POUR_NUMERICS, ROD_NUMERICS
 
 MISTUNED = 0.3
 """Largest deviation of the friction of table and tool and of the rope's stiffness or the beans' rolling, as a share of
@@ -37,7 +37,9 @@ def injectable_effects() -> dict[str, Hidden]:
 def not_injectable() -> dict[str, str]:
     """Reasons why causes of discovery's catalogue cannot be injected here, by name."""
     said = {name: module.EFFECT.not_injectable for name, module in files_of(effects)}
-    own = dict.fromkeys(NUMERICS, OURS) | {name: unknown.not_injectable for name, unknown in ROD_NUMERICS.items()}
+    own = dict.fromkeys((*NUMERICS, *POUR_NUMERICS), OURS) | {
+        name: unknown.not_injectable for name, unknown in ROD_NUMERICS.items()
+    }
     return {name: reason for name, reason in (said | own).items() if reason}
 
 

@@ -124,7 +124,7 @@ def test_what_is_drawn_follows_from_the_seed_and_has_the_size_asked_for(name: st
 
 def test_everything_of_the_catalogue_can_be_hidden_or_is_said_to_be_impossible() -> None:
     of_rods = catalogue(subject_of(load("rope_push@rods")).rods)
-    further = [catalogue(kind=replace(GRAINS, name=name)) for name in ("grains", "cloth", "liquid")]
+    further = [OF_LIQUIDS, *(catalogue(kind=replace(GRAINS, name=name)) for name in ("grains", "cloth"))]
     causes = {cause.name for known in (CATALOGUE, of_rods, *further) for cause in known.causes}
     assert {name for name, effect in FILES.items() if effect.catalogued} == causes - set(not_injectable())
     assert set(not_injectable()) < causes
