@@ -105,5 +105,5 @@ def test_models_that_differ_in_cameras_and_in_what_the_arm_measures_are_one_simu
     late[known.column("command_delay")] = 0.1
     moved[known.column("tcp_x")] = 0.003
     jobs = [(q, 0) for q in range(4)]
-    alike = predictor._alike(trials, jobs, [plain, seen, late, moved])  # noqa: SLF001
+    alike = predictor._alike(trials, jobs, [plain, seen, late, moved])
     assert dict(alike) == {(0, 0): jobs[:3], (3, 0): jobs[3:]}
