@@ -24,6 +24,7 @@ from app.rig.simulated.push_session import PushSample, PushSession, StampedSnaps
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.elements.base import Task
+from app.tasks.elements.pouring import PouringProblems
 from bench.hidden.draws import Chosen, real_size
 from bench.hidden.ropes import USUAL_NOISE_M, bare_table, seen_tip
 from bench.rehearsal import rehearse
@@ -56,8 +57,9 @@ class WaterCase:
     def task(self) -> Task:
         """The task, its world with fewer drops."""
         task = load("pour_water")
-        water = replace(_water(task), drops=DROPS)
-        return replace(task, stage=replace(task.stage, body=water), problems=replace(task.problems, liquid=water))
+        water, problems = replace(_water(task), drops=DROPS), task.problems
+        assert isinstance(problems, PouringProblems)
+        return replace(task, stage=replace(task.stage, body=water), problems=replace(problems, liquid=water))
 
     @property
     def physics(self) -> WorldPhysics:

@@ -91,7 +91,7 @@ def test_a_camera_that_sees_too_high_sees_more_poured_as_far_as_it_did_not_befor
     trials, known = prepare(study_of((0.0, 0.3), (0.3, 0.3)), SUBJECT), SUBJECT.catalogue()
     predictor, higher = Predictor(SUBJECT, known), known.nominal(SUBJECT)
     higher[known.column("hand_eye_z")] = 0.003
-    share, same = (BOWLS.share(predictor._levels(trials, k, trials.observed.after[k], higher)) for k in range(2))
+    share, same = (BOWLS.share(predictor.observe_level(trials, k, trials.observed.after[k], higher)) for k in range(2))
     # The level of 36 ml is 43 mm below the rim's plane: about 57 square centimetres, of which 3 mm are 17 ml.
     assert share == pytest.approx(0.3 + 0.14, abs=0.03)
     assert same == pytest.approx(0.3, abs=2 / COUNT)
@@ -105,5 +105,5 @@ def test_models_that_differ_in_cameras_and_in_what_the_arm_measures_are_one_simu
     late[known.column("command_delay")] = 0.1
     moved[known.column("tcp_x")] = 0.003
     jobs = [(q, 0) for q in range(4)]
-    alike = predictor._alike(trials, jobs, [plain, seen, late, moved])
+    alike = predictor.group_alike(trials, jobs, [plain, seen, late, moved])
     assert dict(alike) == {(0, 0): jobs[:3], (3, 0): jobs[3:]}

@@ -28,15 +28,15 @@ class PouredBowls:
         """Mask of the points in a held bowl with its centre at `tool_m`."""
         return _within(points, tool_m, self.held_radius_m + self.wall_m)
 
-    def poured(self, points: Points) -> Bool[np.ndarray, " N"]:
+    def inside(self, points: Points) -> Bool[np.ndarray, " N"]:
         """Mask of the points in the bowl that stands."""
         return _within(points, np.array(self.place_m), self.radius_m + self.wall_m)
 
     def share(self, points: Points) -> float:
         """Share of the liquid in the bowl that stands."""
-        return float(self.poured(points).mean())
+        return float(self.inside(points).mean())
 
-    def raised(self, share: float, by_m: float) -> float:
+    def rise(self, share: float, by_m: float) -> float:
         """Share by which a liquid of this `share` in it seems more where its level is seen too high by `by_m`."""
         if share <= 0:
             return 0.0  # No level is seen in an empty bowl.
@@ -44,7 +44,7 @@ class PouredBowls:
 
     def with_share(self, points: Points, share: float) -> Points:
         """The points, as many of them moved from or to the bowl that stands as makes its share this one."""
-        inside = np.flatnonzero(self.poured(points))
+        inside = np.flatnonzero(self.inside(points))
         wanted = round(min(max(share, 0.0), 1.0) * len(points))
         moved = points.copy()
         if wanted > len(inside):

@@ -63,7 +63,7 @@ class Predictor:
         for group in self._groups(trials, own):
             pushes = sorted(group.needed, key=lambda k: sum(group.needed[k]))
             jobs = [(q, k) for k in pushes for q in range(len(thetas)) if where is None or where[q, k]]
-            alike = self._alike(trials, jobs, thetas)
+            alike = self.group_alike(trials, jobs, thetas)
             ways = self._ways(trials, thetas, list(alike), group, simulate)
             keys = {job: self._key(trials, job, thetas, own) for job in alike}
             new = [job for job in alike if keys[job] not in self._kept]
@@ -80,7 +80,7 @@ class Predictor:
                     after[q, k] = self._observation(trials, k, end, thetas[q])
         return PushParticles(during, after)
 
-    def _alike(
+    def group_alike(
         self, trials: SimulationBatch, jobs: Sequence[tuple[int, int]], thetas: Sequence[Theta]
     ) -> Mapping[tuple[int, int], Sequence[tuple[int, int]]]:
         """Jobs that are one simulation, by the first: those of a liquid whose models differ in cameras alone."""
@@ -117,12 +117,12 @@ class Predictor:
         if not theta[self._apparatus + self._outflow].any() or not np.isfinite(points).all():
             return points
         if trials.bowls is not None:
-            return self._levels(trials, k, points, theta)
+            return self.observe_level(trials, k, points, theta)
         along = (trials.labels[k, :, 0] + 1) / 2
         middle = middles_of(along, points) if trials.kind.has_length else points
         return self.observe(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
-    def _levels(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
+    def observe_level(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
         """Observation of a liquid in push k, as much as numerics let out: filled to a level that is seen too high.
 
         So it was seen before the push, too.
@@ -135,7 +135,7 @@ class Predictor:
         outflow, lip = OUTFLOW_STEP * theta[self._outflow[0]], LIP_STEP * theta[self._outflow[1]]
         poured = share - first
         share += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
-        return bowls.with_share(points, share + bowls.raised(share, by_m) - bowls.raised(first, by_m))
+        return bowls.with_share(points, share + bowls.rise(share, by_m) - bowls.rise(first, by_m))
 
     def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Observation of points by the cameras."""
@@ -247,7 +247,7 @@ class Predictor:
         if trials.bowls is None:
             x = self.unproject(x, eye, theta)
         else:  # A reconstruction has it in the bowls as it knows them; the held one takes what is in it along.
-            held = trials.bowls.holds(x, push.track.positions[0]) & ~trials.bowls.poured(x)
+            held = trials.bowls.holds(x, push.track.positions[0]) & ~trials.bowls.inside(x)
             x[held] += (track.positions[0] - push.track.positions[0]).astype(np.float32)
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 

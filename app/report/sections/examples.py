@@ -57,7 +57,7 @@ def examples(case: Case) -> Markup:
 
 
 def _sideways(it: Example) -> Example:
-    """What is poured as seen from the side: along the farthest way of the tool, and its height."""
+    """The same as seen from the side: along the farthest way of the tool, and its height."""
     way_m = it.tool[:, :2] - it.tool[0, :2]
     farthest = way_m[np.argmax(np.linalg.norm(way_m, axis=1))]
     ahead = farthest / max(float(np.linalg.norm(farthest)), 1e-9)

@@ -157,6 +157,7 @@ def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_
 def test_an_effect_in_liquids_has_the_typical_sizes_that_their_catalogue_says(name: str) -> None:
     main, cause = FILES[name].main_in(Liquid), OF_LIQUIDS.cause(name)
     spec = OF_LIQUIDS.specs[cause.columns[0]]
+    assert spec.typical is not None
     assert main.typical == pytest.approx(spec.typical, rel=0.01)
     assert main.high <= 1.01 * spec.high
 
@@ -185,8 +186,14 @@ def test_the_page_about_hidden_effects_has_its_row(name: str) -> None:
 
 @every_effect
 def test_the_page_about_hidden_effects_says_which_objects_an_effect_can_be_in(name: str) -> None:
-    poured = {ON_TABLES_OR_POURED: "ropes, beans, liquids", LIQUIDS: "liquids"}
-    said = ({ROPES: "ropes", ON_TABLES: "ropes, beans", ANY_BODY: "any object"} | poured)[FILES[name].bodies]
+    named: dict[tuple[type, ...], str] = {
+        ROPES: "ropes",
+        ON_TABLES: "ropes, beans",
+        ON_TABLES_OR_POURED: "ropes, beans, liquids",
+        LIQUIDS: "liquids",
+        ANY_BODY: "any object",
+    }
+    said = named[FILES[name].bodies]
     (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
     assert row.split(" | ")[-1] == f"{said} |"
 
