@@ -3,7 +3,7 @@
 `dipac bench discovery --n 200 --into results.jsonl` draws 200 cases in each world and keeps a line a case; what is in
 the file already is not done again, so that a long run survives a cut. `--jobs` cases run side by side, or with
 `--workers ray` as many as a cluster has processors. `--first` and `--n` divide the cases over machines; `--merge` names
-the files of the others. `--light` makes MuJoCo's recordings without images. `--baselines` asks other methods, too.
+the files of the others. `--light` makes the cell's recordings without images. `--baselines` asks other methods, too.
 `--made FOLDER` keeps the recordings, for another solver to be tried on the same. Without `--n` it only scores what is
 there. `--report FOLDER` writes figures as SVG and tables as Markdown.
 """
@@ -67,7 +67,7 @@ def main(options: Sequence[str] | None = None) -> None:
     given.into.parent.mkdir(parents=True, exist_ok=True)
     worlds: tuple[World, ...] = making.worlds if given.world == "both" else (given.world,)
     if not set(worlds) <= set(making.worlds):
-        raise UsageError(f"Our own world has ropes alone; leave --world {given.world} or --task {given.task} out.")
+        raise UsageError(f"{given.task} has no --world {given.world}; leave it out, or --task.")
     if not 0 < given.sizes[0] <= given.sizes[1]:
         raise UsageError("--sizes are two numbers above 0, the smaller one first: --sizes 1 2.")
     if given.family is not None and not all(families_of(making, world) & {given.family} for world in worlds):
@@ -92,7 +92,7 @@ def _is_of(line: dict[str, Any], setup: Setup) -> bool:
     case, making = ledger.whole_case(line), setup.making
     if (tuple(case["sizes"]), case["family"]) != (setup.cases.sizes, setup.cases.family):
         return False
-    seen = case["images"] == making.images or case["world"] == "own"
+    seen = case["images"] == making.images or not making.is_of_cell(case["world"])
     return (case["task"], case["dynamics"]) == (making.task, making.dynamics) and seen
 
 

@@ -49,7 +49,7 @@ MATCHES_SHAPES = {
     },
     "app/rig/simulated/kinds/beans.py": {"Paddle"},
     "app/rig/simulated/kinds/cloth.py": {"Gripper"},
-    "app/rig/simulated/kinds/liquid.py": {"HeldBowl"},
+    "app/rig/simulated/kinds/liquid.py": {"Bowl", "HeldBowl"},
     "app/rig/simulated/kinds/rope.py": {"Finger", "Obstacle"},
     "app/rig/simulated/worlds/cloth_world.py": {"Rack"},
     "app/rig/simulated/worlds/liquid_world.py": {"Bowl", "HeldBowl", "Mat", "Obstacle"},

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app import __version__
-from app.core.errors import RecordingError
+from app.core.errors import PerceptionError, RecordingError
 from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.find_tool import find_tool
@@ -228,7 +228,7 @@ class Scribe:
 
     def after(self, before: Particles, take: PushSample, number: int) -> list[Message]:
         """Messages observed and measured of push `number` once it is made."""
-        during, views = self._observe(take.during, _LOOKS * number + 1)
+        during, views = self._observe(take.during, _LOOKS * number + 1, before)
         after, _ = self._observe(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):
             pose = take.measured.poses_at(np.array([take.during.stamp_s]))[0]
@@ -242,17 +242,26 @@ class Scribe:
             Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
-    def _observe(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
+    def _observe(
+        self, look: StampedSnapshot, number: int, before: Particles | None = None
+    ) -> tuple[Particles, list[Frame]]:
+        """The object in new images; as it was `before` where the tool that holds it hides it in a motion."""
         with self._watch.on("images"):
             frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
         with self._watch.on("particles"):
-            found = reconstruct(frames, self._how)
+            try:
+                found = reconstruct(frames, self._how, look.told)
+                positions, surface = found.positions, found.surface
+            except PerceptionError:
+                if before is None or look.told is None:
+                    raise
+                positions, surface = before.positions, before.surface
         particles = Particles(
             id=MessageId(f"particles-{number:06d}"),
             cause=tuple(frame.id for frame in frames),
             time_s=look.stamp_s,
-            positions=found.positions,
-            surface=found.surface,
+            positions=positions,
+            surface=surface,
             # A rehearsal takes none of the world's time.
             reconstruction_s=0.0,
         )

@@ -45,9 +45,12 @@ def hide(
     seed: Annotated[int, tyro.conf.arg(help="of everything that is drawn: world, pushes, directions, places, noise")],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the recordings, new or empty")],
     episodes: Annotated[int, tyro.conf.arg(help="recordings to make")] = 8,
-    pushes: Annotated[int, tyro.conf.arg(help="pushes, sweeps or carries of each")] = 8,
+    pushes: Annotated[int, tyro.conf.arg(help="pushes, sweeps, carries or pours of each")] = 8,
     task: Annotated[
-        str, tyro.conf.arg(help="rope_push, also with sizes, as 'rope_push(radius_m=0.006)', bean_sweep, or cloth_hang")
+        str,
+        tyro.conf.arg(
+            help="rope_push, also with sizes, as 'rope_push(radius_m=0.006)', bean_sweep, cloth_hang or pour_water"
+        ),
     ] = "rope_push",
     cameras: Annotated[int, tyro.conf.arg(help="how many look on, 1 to 3")] = 2,
     depth_noise_mm: Annotated[

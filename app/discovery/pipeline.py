@@ -18,6 +18,7 @@ from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centre, move_back, reach_m
 from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, setup_of
+from app.discovery.dataset.object_kinds import ObjectTraits
 from app.discovery.dataset.study import Study
 from app.discovery.experiments.next_push import next_push
 from app.discovery.inference.confusion import confusions
@@ -31,7 +32,7 @@ from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, R
 from app.discovery.results.formula_text import formula_of
 from app.discovery.results.gain import measure_gain
 from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
-from app.discovery.unexplained.formula import UnexplainedForce, fit_unexplained_force
+from app.discovery.unexplained.formula import NO_FORCE, UnexplainedForce, fit_unexplained_force
 
 _ARROWS = 40
 """Drawn for each push."""
@@ -59,9 +60,13 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
     with stages.stage("frames"):
         places, arrows = arrows_of(trials, screening.data, predictor, refitted)
-        frames = frame_tests(trials, places, arrows)
+        frames = () if trials.kind.is_poured else frame_tests(trials, places, arrows)
     with stages.stage("what is left"):
-        open_ended = fit_unexplained_force(predictor, trials, screening, decision, said)
+        open_ended = (
+            NO_FORCE
+            if trials.kind.is_poured  # Forces of the library are those over a table.
+            else fit_unexplained_force(predictor, trials, screening, decision, said)
+        )
     verdict, names = verdict_of(decision, limits, open_ended)
     model = _model(verdict, decision, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
@@ -72,15 +77,20 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
         platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
-        ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
+        ahead = (
+            None
+            if trials.kind.is_poured
+            else next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
+        )
     causes = _causes(predictor, ranking, names, model)
     confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
+    gained = _gain_text(gain.gain, subject.kind)
     case = Case(
         amount=_amount(study, subject),
         limits=limits,
         checks=checks,
         verdict=verdict,
-        sentences=sentences_of(verdict, causes, _gain_text(gain.gain), limits, decision.probabilities, left, formula),
+        sentences=sentences_of(verdict, causes, gained, limits, decision.probabilities, left, formula),
         causes=causes,
         formula=formula,
         ranking=ranking,
@@ -103,6 +113,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
         spent_s=tuple(stages.spent_s),
         setup=study.setup or setup_of(subject),
         origin_m=study.origin_m,
+        kind=subject.kind.name,
     )
     return move_back(case, study.origin_m)
 
@@ -215,10 +226,11 @@ def _rivals(
     return rivals
 
 
-def _gain_text(gain: Gain) -> str:
+def _gain_text(gain: Gain, kind: ObjectTraits) -> str:
+    unit = "% of the liquid" if kind.is_poured else "mm"
     return (
-        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} mm a push where the "
-        f"nominal one errs by {gain.nominal_mm:.1f} mm (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "
+        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {unit} a push where "
+        f"the nominal one errs by {gain.nominal_mm:.1f} {unit} (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "
         f"{gain.high:.0%})."
     )
 
@@ -226,7 +238,10 @@ def _gain_text(gain: Gain) -> str:
 def _arrows(
     trials: SimulationBatch, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]
 ) -> ResidualField:
-    """Evenly chosen along the object, so many a push."""
+    """Evenly chosen along the object, so many a push; none of what is compared by amounts."""
+    if trials.kind.is_poured:
+        nothing = np.zeros((0, 2), np.float32)
+        return ResidualField(places=nothing, displacements=nothing, push=nothing[:, 0], along=nothing[:, 0])
     count = places.shape[1]
     order = np.argsort(trials.labels[:, :, 0], axis=1)
     chosen = order[:, np.linspace(0, count - 1, min(_ARROWS, count)).round().astype(int)]

@@ -8,12 +8,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Beans, Cloth
+from app.core.geometry.scene_description import Beans, Cloth, Liquid
 from app.core.measured_setup import MeasuredSetup
 from app.core.messages import Parameter
 from app.discovery.checks.placement import centre
+from app.discovery.dataset.bowls import PouredBowls
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
-from app.discovery.dataset.object_kinds import CLOTH, GRAINS
+from app.discovery.dataset.object_kinds import CLOTH, GRAINS, LIQUID
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor
@@ -22,6 +23,7 @@ from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.jobs.jit_cache import nominal_model, phi_of
 from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
 from app.planner.actions.carry_actions import Carries
+from app.planner.actions.pour_actions import Pours
 from app.planner.actions.sweep_actions import Sweeps
 from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.catalogue import discover
@@ -29,6 +31,10 @@ from app.sim.model.params import index
 from app.sim.tools.grasp import Grasp
 from app.tasks.elements.base import Task
 
+_SPILT_M: Final = 0.15
+"""Farther than a task's grid that spilled drops run."""
+_WALL_M: Final = 0.004
+"""Wall of the bowls, in which particles may be that are pressed against it."""
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
 _FITTED_OF_CLOTH: Final = ("stiffness", "table_friction")
@@ -53,17 +59,19 @@ def subject_of(
     task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
     is as limp as that allows. `priors`: what is known of its parameters beforehand.
 
-    Raises UsageError for a task whose object is neither pushed along a table nor a cloth that is carried.
+    Raises UsageError for a task whose object is neither pushed along a table, nor a cloth that is carried, nor poured.
     """
     match task.stage.body, task.actions:
         case Beans() as beans, Sweeps() as sweeps:
             return _subject_of_grains(task, beans, sweeps, priors)
         case Cloth() as cloth, Carries():
             return _subject_of_cloth(task, cloth, priors)
+        case Liquid() as liquid, Pours():
+            return _subject_of_liquid(task, liquid, priors)
         case _, Pushes():
             pass
         case _:
-            raise UsageError(f"Discovery reads pushes, sweeps and carries of a cloth so far; {task.name} has none.")
+            raise UsageError(f"Discovery reads pushes, sweeps, carries of a cloth and pours; {task.name} has none.")
     rods = task.rods if task.dynamics == "rods" else None
     causes = _first_parameters_of_causes()
     low_m, unsaid = task.actions.height_m + LOW_ENOUGH_M, frozenset[str]()
@@ -136,6 +144,39 @@ def _subject_of_cloth(task: Task, cloth: Cloth, priors: Sequence[Parameter]) -> 
         kind=CLOTH,
         fingers=task.stage.tool.fingers,
         initial_state=cloth_at_rest,
+        priors=tuple(priors),
+    )
+
+
+def _subject_of_liquid(task: Task, liquid: Liquid, priors: Sequence[Parameter]) -> Subject:
+    """Model under test of a liquid that is poured; its grid reaches as far as spilled drops run."""
+    held, (fixed,) = task.perception.held, task.perception.standing
+    assert held is not None, task.name
+    cells = round(_SPILT_M / task.scene.cell_m) * task.scene.cell_m
+    low, high = task.scene.low, task.scene.high
+    scene = replace(
+        task.scene,
+        low=(low[0] - cells, low[1] - cells, low[2]),
+        high=(high[0] + cells, high[1] + cells, high[2]),
+    )
+    return Subject(
+        scene=scene,
+        time_scale=task.time_scale,
+        mass_kg=liquid.density_kg_m3 * liquid.volume_m3,
+        length_m=2 * held.radius_m,
+        radius_m=held.radius_m,
+        low_m=high[2],
+        particle_count=task.preset("cpu").particle_count,
+        nominal=phi_of(nominal_model(task.name, priors)),
+        calibrated=(),  # The bulk modulus does nothing to what is poured.
+        kind=LIQUID,
+        bowls=PouredBowls(
+            held_radius_m=held.radius_m,
+            place_m=fixed.place_m,
+            radius_m=fixed.radius_m,
+            wall_m=_WALL_M,
+            volume_m3=liquid.volume_m3,
+        ),
         priors=tuple(priors),
     )
 

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from app.core.geometry.shapes.tools import Tool
 from app.core.messages import Frame
 from app.core.types import Cloud
+from app.perception.bowl_fit import bowl_points
 from app.perception.paddle_fit import gripper_points, paddle_points
 from app.perception.reconstruct import Reconstruction
 from app.perception.tool_tip_fit import tool_points
@@ -27,4 +28,6 @@ def find_tool(frames: Sequence[Frame], pose: Pose, tool: Tool, how: Reconstructi
         return paddle_points(frames, pose, how, half_m=tool.board_m)
     if tool.fingers is not None and len(pose) == _OPENS and pose[7] < tool.fingers.closed_m:
         return gripper_points(frames, pose, how, half_m=tool.fingers.half_m)
+    if tool.bowl_m is not None:
+        return bowl_points(frames, pose, how, radius_m=tool.bowl_m)
     return np.zeros((0, 3), np.float32)

@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -41,6 +41,10 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
 """Sections of the page in the order of reading: anchor, title, question, and its answer."""
 
 
+_OVER_A_TABLE: Final = frozenset({"field", "frames", "next"})
+"""Sections that a liquid has none of: displacements over the table, and a push that would move it."""
+
+
 def write_report(path: Path, case: Case) -> None:
     """Write the case file as HTML, beside the saved model. Raises UsageError where the file cannot be written."""
     try:
@@ -54,7 +58,9 @@ def write_report(path: Path, case: Case) -> None:
 def page(case: Case, model: Path = MODEL) -> str:
     """The case file as HTML. `model`: the saved model's file."""
     script = _asset("report.js")
-    parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(SECTIONS, 1)]
+    own = [entry for entry in SECTIONS if case.kind != "liquid" or entry[0] not in _OVER_A_TABLE]
+    links = [(at, title) for at, title, _, _ in own]
+    parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(own, 1)]
     head = tag(
         "head",
         tag("meta", charset="utf-8"),
@@ -65,13 +71,18 @@ def page(case: Case, model: Path = MODEL) -> str:
         tag("style", Markup(_asset("report.css"))),
         tag("noscript", tag("style", Markup(".off{display:revert}.chooser{display:none}"))),
     )
-    body = tag("body", masthead(case, model), _contents(), tag("main", *parts), tag("script", Markup(script)))
+    body = tag(
+        "body",
+        masthead(case, model),
+        _contents(links),
+        tag("main", *parts),
+        tag("script", Markup(script)),
+    )
     return f"<!doctype html>\n{tag('html', head, body, lang='en').text}\n"
 
 
-def _contents() -> Markup:
-    links = (tag("a", title, href=f"#{at}") for at, title, _, _ in SECTIONS)
-    return tag("nav", *links, aria_label="Contents")
+def _contents(sections: Sequence[tuple[str, str]]) -> Markup:
+    return tag("nav", *(tag("a", title, href=f"#{at}") for at, title in sections), aria_label="Contents")
 
 
 def _policy(script: str) -> str:

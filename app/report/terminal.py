@@ -16,7 +16,7 @@ from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.size import size
 from app.report.drawing.words import best, interval, percent, title
 from app.report.sections.advice import MODEL, advice
-from app.report.sections.verdict import chance, gain_sentence, headline, kind
+from app.report.sections.verdict import chance, gain_sentence, headline, kind, unit_of
 
 _WIDTH = 80
 _ALTERNATIVES = 4
@@ -34,7 +34,7 @@ def show_case(case: Case, report: Path | None = None) -> RenderableType:
     if case.ranking or case.causes:
         parts.append(_causes(case))
     parts += [
-        _line("Gain", gain_sentence(case.gain)),
+        _line("Gain", gain_sentence(case.gain, unit_of(case))),
         *(_line("Limit", f"{it.text} {it.consequence}") for it in case.limits),
     ]
     if case.formula is not None:

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.core.geometry.scene_description import Beans, Body, Rope
+from app.core.geometry.scene_description import Beans, Body, Liquid, Rope
 from app.discovery.dataset.model_under_test import Family
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
@@ -20,7 +20,7 @@ World: TypeAlias = Literal["own", "mujoco"]
 """The engine that makes the recordings: ours with other numerics, or another one."""
 WORLDS: tuple[World, ...] = ("own", "mujoco")
 
-BODIES: Mapping[str, type[Body]] = {"rope_push": Rope, "bean_sweep": Beans}
+BODIES: Mapping[str, type[Body]] = {"rope_push": Rope, "bean_sweep": Beans, "pour_water": Liquid}
 """Class of each task's object."""
 NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""
@@ -34,8 +34,8 @@ class Making:
     """Conditions of a bench: how ropes are simulated by the solver and by our own world; cameras in MuJoCo's.
 
     `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines, or of pieces, stands
-    for them, and errors of images cannot be hidden; a cloth is always seen in images. `task`: whose object is moved;
-    our own world has ropes alone.
+    for them, and errors of images cannot be hidden; a cloth is always seen in images. `task`: whose object is moved.
+    Our own engine has ropes and water, of which MuJoCo has none: their world is the simulated cell's.
     """
 
     dynamics: Dynamics = "rods"
@@ -50,7 +50,11 @@ class Making:
     @property
     def worlds(self) -> tuple[World, ...]:
         """The worlds that have such an object."""
-        return WORLDS if self.body is Rope else ("mujoco",)
+        return WORLDS if self.body is Rope else ("own",) if self.body is Liquid else ("mujoco",)
+
+    def is_of_cell(self, world: World) -> bool:
+        """True if that world is the simulated cell's, in which `dipac hide` hides."""
+        return world == "mujoco" or self.body is Liquid
 
 
 AS_RODS = Making()
@@ -106,7 +110,7 @@ def drawn(
         names = [str(rng.choice([name for name in inside if families[name] == cases.family]))]
     elif share < NONE + TWO:
         names = sorted(rng.choice(inside, 2, replace=False).tolist())
-    elif share < NONE + TWO + UNKNOWN:
+    elif share < NONE + TWO + UNKNOWN and outside:
         names = [str(rng.choice(outside))]
     else:
         names = [str(rng.choice(inside))]
@@ -120,13 +124,13 @@ def drawn(
 def kinds(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """The causes of the solver's catalogue that this world can hide."""
     names = _catalogued(making)
-    return tuple(sorted(names - set(not_injectable()) if world == "own" else names & _hideable(making)))
+    return tuple(sorted(names & _hideable(making) if making.is_of_cell(world) else names - set(not_injectable())))
 
 
 @cache
 def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
     """Effects that this world can hide and that the solver's catalogue lacks."""
-    return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making)))
+    return tuple(sorted(_hideable(making) - _catalogued(making) if making.is_of_cell(world) else OUTSIDE))
 
 
 def families_of(making: Making, world: World) -> frozenset[Family]:

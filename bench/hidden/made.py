@@ -1,4 +1,4 @@
-"""Recordings of one drawn rope, or of drawn beans, without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
+"""Recordings of a drawn rope, drawn beans or water, without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
 
 A process of its own. ORDER.json is {task, world, seed, hidden: [[effect, size], ...], episodes, pushes}; sizes are in
 typical ones. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of the object, too.
@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from app.policy.random_pours import pour_design
 from app.policy.random_pushes import PushDesign
 from app.policy.random_sweeps import sweep_design
 from app.rig.simulated.effect_sampling import describe
@@ -19,6 +20,7 @@ from bench.hidden.own_ropes import OwnRope
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.sizes import FLAT, drawn_cameras
+from bench.hidden.water import WaterCase
 
 
 def main() -> None:
@@ -38,6 +40,9 @@ def make(order: Mapping[str, Any], folder: Path) -> None:
         sweeps = sweep_design(plan.episodes, plan.pushes)
         beans = BeanCase(seed=seed, hidden=hidden, plan=sweeps, noise_m=noise_m, other_beans=True)
         task, effects, study = beans.task, describe(beans.injected), beans.record()
+    elif order["task"] == "pour_water":
+        water = WaterCase(seed=seed, hidden=hidden, plan=pour_design(plan.episodes, plan.pushes), noise_m=noise_m)
+        task, effects, study = water.task, describe(water.injected), water.record()
     elif order["world"] == "own":
         own = OwnRope(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
         task, effects, study = own.task, own.world.effects, own.record()

@@ -104,7 +104,7 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
         "world": case.world,
         "task": setup.making.task,
         "dynamics": setup.making.dynamics,
-        "images": setup.making.images and case.world == "mujoco",
+        "images": setup.making.images and setup.making.is_of_cell(case.world),
         "seed": setup.seed,
         "episodes": setup.plan.episodes,
         "pushes": setup.plan.pushes,
@@ -122,7 +122,7 @@ def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
     seed = int(np.random.SeedSequence([setup.seed, case.number, WORLDS.index(case.world)]).generate_state(1)[0])
     hidden = [[each.effect, each.size] for each in case.hidden]
     order = {"name": "made", "task": setup.making.task, "seed": seed, "hidden": hidden}
-    if case.world == "mujoco" and setup.making.images:
+    if setup.making.is_of_cell(case.world) and setup.making.images:
         return _rendered(case, setup, seed, folder)
     if setup.making.dynamics == "mpm" and setup.making.body is Rope:
         if case.world == "mujoco":

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, final
+from typing import final
 
 from threadpoolctl import threadpool_limits
 
@@ -14,14 +14,10 @@ from app.discovery.dataset.study import Study
 from app.discovery.pipeline import Stages, judge
 from app.discovery.results.case import Estimate
 from app.discovery.results.verdict import estimates_of, verdict_of
-from app.discovery.unexplained.formula import UnexplainedForce
-from app.discovery.unexplained.residual_test import ResidualTest
+from app.discovery.unexplained.formula import NO_FORCE
 from app.jobs.discovery_subject import doubted_in
 from app.services.study import read_study
 from app.tasks import load
-
-_NOT_LOOKED_FOR: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
-"""Forces of no cause, which take as long as all the rest."""
 
 
 @final
@@ -51,7 +47,7 @@ def verdict_on(study: Study, subject: Subject, about: Theta | None = None) -> Ve
     """The same of a study and the simulator that is doubted; `about`: see `judged`."""
     found = judge(study, subject, Stages(lambda _: None), about)
     decision, known = found.decision, found.predictor.catalogue
-    kind, causes = verdict_of(decision, found.limits, _NOT_LOOKED_FOR)
+    kind, causes = verdict_of(decision, found.limits, NO_FORCE)  # Looking for one takes as long as all the rest.
     sizes = {model.causes[0]: estimates_of(known, subject, model, model.causes[0]) for model in decision.singles}
     return Verdict(
         kind=kind,

@@ -152,7 +152,7 @@ def test_another_rope_and_finger_are_recorded_by_as_many_cameras_as_are_asked_fo
         (["--seed", "1", "--depth-noise-mm", "9"], "--depth-noise-mm 9 is outside 0.1 to 5", UsageError),
         (
             ["--seed", "1", "--task", "pour_soup"],
-            "nothing can be hidden in its world so far; choose another task: bean_sweep, cloth_hang, rope_push",
+            "so far; choose another task: bean_sweep, cloth_hang, pour_water, rope_push",
             UsageError,
         ),
         (["cohesion", "--seed", "1"], "beans of this world do not stick together", UsageError),

@@ -13,10 +13,11 @@ from bench.hidden.cloths import ClothCase
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict
+from bench.hidden.water import WaterCase
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "hidden"
-Case: TypeAlias = RopeCase | BeanCase | ClothCase
+Case: TypeAlias = RopeCase | BeanCase | ClothCase | WaterCase
 
 
 def concluded(case: Case) -> Verdict:

@@ -19,3 +19,9 @@ def centre_of_bowl(x: Float[np.ndarray, "K 3"], radius_m: float, volume_m3: floa
     """Centre [m] of the sphere of an upright bowl in which the liquid `x` (K, 3) [m] rests."""
     depth = cap_depth_m(volume_m3, radius_m)
     return x.mean(axis=0).astype(np.float64) + np.array([0.0, 0.0, cap_centroid_m(depth, radius_m)])
+
+
+def cap_surface_m2(volume_m3: float, radius_m: float) -> float:
+    """Area [m^2] of the level of a liquid of this volume in a bowl of this inner radius."""
+    depth = cap_depth_m(volume_m3, radius_m)
+    return float(np.pi * depth * (2 * radius_m - depth))

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.discovery.residuals.displacement_field import register
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import Limit
@@ -48,5 +47,4 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
 def _moved_m(trials: SimulationBatch, k: int) -> float:
     """Root of the sum of squares of the amplitudes of what a push does to the object."""
     before = trials.clouds[k]
-    basis = trials.basis(k, "after", before)
-    return float(np.linalg.norm(register(before, trials.observed.after[k], basis)))
+    return float(np.linalg.norm(trials.gap(k, "after", before, trials.observed.after[k])))

@@ -14,12 +14,13 @@ from app.core.geometry.shapes.tools import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
 from app.core.messages import Parameter
 from app.discovery import sensor_actuator_errors
+from app.discovery.dataset.bowls import PouredBowls
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.sensor_actuator_errors.base import Apparatus, Values
 from app.sim import effects
 from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect, is_place
 from app.sim.files import files_of
-from app.sim.model.numerics import NUMERICS, ROD_NUMERICS, RodUnknown
+from app.sim.model.numerics import NUMERICS, POUR_NUMERICS, ROD_NUMERICS, RodUnknown
 from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
 from app.sim.model.scene import Scene
 from app.sim.parameter import NullPrior, ParameterSpec
@@ -79,6 +80,8 @@ class Subject:
     """GripperFingers of a tool that holds the object all the while."""
     initial_state: InitialState = State.at_rest
     """State of the object's particles at places (B, N, 3) where they are at rest; not of rods."""
+    bowls: PouredBowls | None = None
+    """Those from and into which a liquid is poured."""
     priors: tuple[Parameter, ...] = ()
     """Those of the `calibrated` parameters that are known beforehand; the others are practically free."""
 
@@ -247,6 +250,8 @@ def catalogue(
             causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
     # What is compiled can only be finer, wider or earlier.
     numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]
+    if kind.is_poured:
+        numerics = [_numeric(name, about, low=-2.0) for name, about in POUR_NUMERICS.items()]
     if rods is not None:
         numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in rods.unknowns]
     for spec in numerics:

@@ -23,6 +23,8 @@ class ObjectTraits:
     """True if the simulator errs in what a moved tool does, too."""
     is_in_space: bool = False
     """True if it is carried through the air: heights are compared as well, and the tool holds it all the while."""
+    is_poured: bool = False
+    """True of what has no shape of its own: compared is how much of it is in a bowl, at rest alone."""
 
 
 ROPE: Final = ObjectTraits(name="rope", has_length=True, is_chaotic=False, physics_null_sd=None, errs_with_tool=False)
@@ -32,4 +34,9 @@ ROPE: Final = ObjectTraits(name="rope", has_length=True, is_chaotic=False, physi
 GRAINS: Final = ObjectTraits(name="grains", has_length=False, is_chaotic=True, physics_null_sd=1.0, errs_with_tool=True)
 CLOTH: Final = ObjectTraits(
     name="cloth", has_length=False, is_chaotic=False, physics_null_sd=1.0, errs_with_tool=True, is_in_space=True
+)
+# What five causes of physics seemed to be in two recordings of 12 pours without any, root mean square, is 0.54 typical
+# sizes, where the fits say that they scatter by 0.64: two recordings are few.
+LIQUID: Final = ObjectTraits(
+    name="liquid", has_length=False, is_chaotic=False, physics_null_sd=0.5, errs_with_tool=True, is_poured=True
 )

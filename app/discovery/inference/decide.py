@@ -91,8 +91,8 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     singles, catalogue = list[RefinedModel](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
-    # A refit of pieces, which are simulated from several beginnings, takes as long as a quarter of their screening.
-    first = measured or (probabilities_of(screening, ()) if catalogue.kind.is_chaotic else None)
+    # A refit of pieces, simulated from several beginnings, or of a liquid takes as long as a quarter of the screening.
+    first = measured or (probabilities_of(screening, ()) if not catalogue.kind.has_length else None)
     for suspect in shortlist(screening) if first is None else _probable(screening, first[0]):
         said(f"refitting {suspect.cause}")
         probable = first is None or first[0][suspect.cause] > _WORTH

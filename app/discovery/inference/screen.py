@@ -26,7 +26,7 @@ from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.sensitivity import STARTS, Step, apart, apply_step, hypotheses_of, residuals, steps_of
 from app.discovery.residuals.simulation_batch import SimulationBatch
-from app.sim.model.numerics import ANY_NUMERICS, ROD_NUMERICS
+from app.sim.model.numerics import ANY_NUMERICS, POUR_NUMERICS, ROD_NUMERICS
 from app.sim.parameter import NullPrior
 
 _REFITS = 5
@@ -98,9 +98,10 @@ def refit(predictor: Predictor, trials: SimulationBatch) -> Theta:
 
 
 def _fitted_first(predictor: Predictor) -> list[Step]:
-    """Steps of the calibrated parameters, and of a rod's unknown ones."""
-    calibrated, of_rods = predictor.subject.calibrated, predictor.subject.rods is not None
-    wanted = {*calibrated, *(ROD_NUMERICS if of_rods else ())}
+    """Steps of the calibrated parameters, and of the unknown ones of a rod or a liquid."""
+    subject = predictor.subject
+    calibrated, of_rods, poured = subject.calibrated, subject.rods is not None, subject.kind.is_poured
+    wanted = {*calibrated, *(ROD_NUMERICS if of_rods else ()), *(POUR_NUMERICS if poured else ())}
     return [step for step in steps_of(predictor.catalogue, calibrated, {}) if step.cause in wanted]
 
 
@@ -247,7 +248,7 @@ def arrows_of(
     predicted = predictor(trials, [about]).after[0]
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):
-        if np.isfinite(cloud).all():
+        if np.isfinite(cloud).all() and trials.bowls is None:
             arrows[k] = trials.basis(k, "after", cloud).field(data.r[k, trials.after_rows])[:, :2]
     return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
 

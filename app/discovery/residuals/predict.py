@@ -20,13 +20,13 @@ from app.discovery.dataset.study import Push
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load, Places
-from app.sim.model.numerics import ROD_NUMERICS
+from app.sim.model.numerics import LIP_STEP, OUTFLOW_STEP, POUR_NUMERICS, ROD_NUMERICS
 from app.sim.model.params import PARAMETERS
 
 
 @final
 class Predictor:
-    """Simulates pushes under models. Keeps what it compiled."""
+    """Simulates pushes under models. Keeps what it compiled, and of liquids what it simulated."""
 
     def __init__(self, subject: Subject, catalogue: Catalogue) -> None:
         self.subject, self.catalogue = subject, catalogue
@@ -34,6 +34,13 @@ class Predictor:
         self._unknowns = [specs.index(name) for name in ROD_NUMERICS] if subject.rods is not None else []
         own = [range(first, first + len(effect.parameters)) for effect, first in catalogue.apparatus]
         self._apparatus = [column for columns in own for column in columns]
+        seen = {column for effect, first in catalogue.apparatus for column in _columns(effect, first)}
+        seen |= {specs.index(name) for name in POUR_NUMERICS if name in specs}
+        told = {c for effect, first in catalogue.apparatus if effect.told for c in _range(effect, first)}
+        self._felt = [column for column in range(len(specs)) if column not in seen]
+        self._felt_beside_log = [column for column in self._felt if column not in told]
+        self._outflow = [specs.index(name) for name in POUR_NUMERICS] if subject.kind.is_poured else []
+        self._kept = dict[tuple[bytes, ...], tuple[Points, Points]]()
         self._platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
 
     def __call__(
@@ -56,21 +63,79 @@ class Predictor:
         for group in self._groups(trials, own):
             pushes = sorted(group.needed, key=lambda k: sum(group.needed[k]))
             jobs = [(q, k) for k in pushes for q in range(len(thetas)) if where is None or where[q, k]]
-            ways = self._ways(trials, thetas, jobs, group, simulate)
-            for chunk in _chunks(jobs, chunks(own, self._platform)):
+            alike = self.group_alike(trials, jobs, thetas)
+            ways = self._ways(trials, thetas, list(alike), group, simulate)
+            keys = {job: self._key(trials, job, thetas, own) for job in alike}
+            new = [job for job in alike if keys[job] not in self._kept]
+            ends = dict[tuple[int, int], tuple[Points, Points]]()
+            for chunk in _chunks(new, chunks(own, self._platform)):
                 found = simulate.move(*self._inputs(trials, thetas, chunk, ways, group.needed))
-                for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
+                ends |= zip(chunk, zip(*map(np.asarray, found), strict=True), strict=True)
+            if own.bowls is not None:
+                self._kept |= {keys[job]: end for job, end in ends.items()}
+            for job, same in alike.items():
+                mid, end = ends[job] if job in ends else self._kept[keys[job]]
+                for q, k in same:
                     during[q, k] = self._observation(trials, k, mid, thetas[q])
                     after[q, k] = self._observation(trials, k, end, thetas[q])
         return PushParticles(during, after)
 
+    def group_alike(
+        self, trials: SimulationBatch, jobs: Sequence[tuple[int, int]], thetas: Sequence[Theta]
+    ) -> Mapping[tuple[int, int], Sequence[tuple[int, int]]]:
+        """Jobs that are one simulation, by the first: those of a liquid whose models differ in cameras alone."""
+        if self.subject.bowls is None:
+            return {job: (job,) for job in jobs}
+        first, found = dict[tuple[int, bytes], tuple[int, int]](), dict[tuple[int, int], list[tuple[int, int]]]()
+        for q, k in jobs:
+            found.setdefault(
+                first.setdefault((k, self._felt_of(thetas[q], trials.study.pushes[k])), (q, k)), []
+            ).append((q, k))
+        return found
+
+    def _key(
+        self, trials: SimulationBatch, job: tuple[int, int], thetas: Sequence[Theta], subject: Subject
+    ) -> tuple[bytes, ...]:
+        """All that a simulation of a liquid depends on; of what else is simulated nothing is kept."""
+        if subject.bowls is None:
+            return ()
+        q, k = job
+        push, times = trials.study.pushes[k], np.array([trials.starts_s[k], trials.stops_s[k], trials.ends_s[k]])
+        return (
+            push.before.points.tobytes(),
+            push.track.poses.tobytes(),
+            times.tobytes(),
+            self._felt_of(thetas[q], push),
+        )
+
+    def _felt_of(self, theta: Theta, push: Push) -> bytes:
+        """All of a model that changes the simulation of a liquid; not what is in the arm's own log."""
+        return theta[self._felt if push.measured is None else self._felt_beside_log].tobytes()
+
     def _observation(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
-        if not theta[self._apparatus].any() or not np.isfinite(points).all():
+        if not theta[self._apparatus + self._outflow].any() or not np.isfinite(points).all():
             return points
+        if trials.bowls is not None:
+            return self.observe_level(trials, k, points, theta)
         along = (trials.labels[k, :, 0] + 1) / 2
         middle = middles_of(along, points) if trials.kind.has_length else points
         return self.observe(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
+
+    def observe_level(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
+        """Observation of a liquid in push k, as much as numerics let out: filled to a level that is seen too high.
+
+        So it was seen before the push, too.
+        """
+        bowls = trials.bowls
+        assert bowls is not None
+        surface, eye = np.array([bowls.place_m]), Eye(np.asarray(trials.study.camera), None)
+        by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
+        share, first = bowls.share(points), bowls.share(trials.study.pushes[k].before.points)
+        outflow, lip = OUTFLOW_STEP * theta[self._outflow[0]], LIP_STEP * theta[self._outflow[1]]
+        poured = share - first
+        share += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
+        return bowls.with_share(points, share + bowls.rise(share, by_m) - bowls.rise(first, by_m))
 
     def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Observation of points by the cameras."""
@@ -174,10 +239,16 @@ class Predictor:
         push, step = trials.study.pushes[k], group.step_s
         eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
         track = self.actual_track(push, trials.loads[k], theta)
-        stop = trials.stops_s[k] + self.late_s(theta)
+        # A liquid is seen at rest alone.
+        stop = trials.stops_s[k] + (self.late_s(theta) if trials.bowls is None else 0.0)
         to_stop = self._tool(track, stop - step * np.arange(BLOCK * group.to_stop, -1, -1))
         to_end = self._tool(track, stop + step * np.arange(BLOCK * group.to_end + 1))
-        x = self.unproject(push.before.points, eye, theta)
+        x = push.before.points.copy()
+        if trials.bowls is None:
+            x = self.unproject(x, eye, theta)
+        else:  # A reconstruction has it in the bowls as it knows them; the held one takes what is in it along.
+            held = trials.bowls.holds(x, push.track.positions[0]) & ~trials.bowls.inside(x)
+            x[held] += (track.positions[0] - push.track.positions[0]).astype(np.float32)
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
     def _tool(self, track: Track, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S T"]:
@@ -187,6 +258,15 @@ class Predictor:
         poses = track.poses_at(times_s)
         openings = poses[:, 7 : self.subject.tool_coordinates]
         return np.concatenate([poses[:, :3], upright(poses[:, 3:7]), openings], axis=1)
+
+
+def _columns(effect: Apparatus, first: int) -> Sequence[int]:
+    """Columns of an error that moves no tool."""
+    return () if effect.drive is not None else _range(effect, first)
+
+
+def _range(effect: Apparatus, first: int) -> range:
+    return range(first, first + len(effect.parameters))
 
 
 class _Group(NamedTuple):

@@ -16,6 +16,7 @@ from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.residuals.displacement_field import register
+from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, View
@@ -33,6 +34,8 @@ _TOLD_SIZES = (0.125, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
 """Sizes in steps, of which that which fits the arm's log best is the secant's."""
 REPLICAS = 6
 """Simulations of each push from a start that is disturbed by the noise of the cameras."""
+_POUR_REPLICAS = 3
+"""The same of pours, which depend on little of where particles begin."""
 STARTS = 4
 """Beginnings of each push of an ensemble: as it was seen, and as the cameras may have missed it."""
 _ERRING, _ROD_ERRING = 0.3, 0.15
@@ -126,12 +129,18 @@ def residuals(
     if predictor.subject.is_ensemble:
         beginnings += [trials.with_noise(seed) for seed in range(starts - 1)]
     runs = [_simulate(predictor, beginning, about, steps, changes) for beginning in beginnings]
-    base, displaced = _mean_of(runs)
+    base, displaced = _mean_of(runs) if trials.bowls is None else (runs[0][0], [])
+    if trials.bowls is not None:
+        replicas = min(replicas, _POUR_REPLICAS)
     if not replicas or len(beginnings) > 1:
         disturbed = [one for one, _ in runs][: replicas and starts]
     else:
         disturbed = [_single(predictor(trials.with_noise(seed), [about])) for seed in range(replicas)]
-    clouds = _assemble(trials, base, displaced, [change.apart for change in changes], disturbed)
+    apart = [change.apart for change in changes]
+    if trials.bowls is None:
+        clouds = _assemble(trials, base, displaced, apart, disturbed)
+    else:
+        clouds = assemble_contents(trials, trials.bowls, base, runs[0][1], apart, disturbed)
     direct = direct_rows(predictor, trials, about, changes)
     spread = np.concatenate([clouds.spread, clouds.J * _erring(catalogue, steps)], axis=2)
     still = np.zeros((*direct.r.shape, spread.shape[2]))

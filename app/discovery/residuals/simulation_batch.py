@@ -9,13 +9,15 @@ from jaxtyping import Bool, Float32, Float64
 
 from app.core.geometry.track import Track
 from app.core.types import Points
+from app.discovery.dataset.bowls import PouredBowls
 from app.discovery.dataset.held_part import with_held_parts
 from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
-from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis
+from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis, register
+from app.discovery.residuals.poured_contents import CONTENTS, contents_m
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Load
 
@@ -63,10 +65,13 @@ class SimulationBatch:
     kind: ObjectTraits = ROPE
     tools: Mapping[View, Float64[np.ndarray, "K 4"]] = field(default_factory=dict[View, Float64[np.ndarray, "K 4"]])
     """Tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
+    bowls: PouredBowls | None = None
 
     @property
     def modes(self) -> int:
         """Amplitudes, and rows of residuals, of a view; those of the view during a push come first."""
+        if self.bowls is not None:
+            return CONTENTS
         if self.kind.has_length:
             return 2 * MODES
         return SHEET_MODES if self.kind.is_in_space else PIECE_MODES
@@ -91,6 +96,12 @@ class SimulationBatch:
         if self.kind.has_length:
             return Basis.along(cloud, self.labels[k, :, 0])
         return Basis.over(cloud) if self.kind.is_in_space else Basis.around(cloud, self.tools[view][k])
+
+    def gap(self, k: int, view: View, predicted: Points, observed: Points) -> Float64[np.ndarray, " R"]:
+        """Residuals [m] of a cloud of push `k`, the prediction of a view: that which makes it the observation."""
+        if self.bowls is not None:
+            return contents_m(self.bowls, observed) - contents_m(self.bowls, predicted)
+        return register(predicted, observed, self.basis(k, view, predicted))
 
     def __len__(self) -> int:
         return len(self.study.pushes)
@@ -176,7 +187,7 @@ def prepare(study: Study, subject: Subject) -> SimulationBatch:
         stops_s=stops,
         ends_s=ends,
         loads=tuple(dragging(push.track, push.before.points, push.after.points, subject) for push in pushes),
-        has_during=np.array([view is not None for view in during]),
+        has_during=np.array([view is not None and not subject.kind.is_poured for view in during]),
         observed=PushParticles(
             during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
             after=np.stack([push.after.points for push in pushes]),
@@ -184,6 +195,7 @@ def prepare(study: Study, subject: Subject) -> SimulationBatch:
         ways=np.ones(len(pushes), np.float32),
         smooth=subject.rods is not None,
         kind=subject.kind,
+        bowls=subject.bowls,
         tools={
             "during": _tools_at(pushes, starts, stops),
             "after": _tools_at(pushes, starts, np.array([last for _, last in low])),

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from app.discovery.dataset.model_under_test import InitialState, RodModel, Subject
+from app.sim.effects.base import Effect
 from app.sim.model.catalogue import EFFECTS
+from app.sim.model.params import columns_of
 from app.sim.model.scene import Scene
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
@@ -34,6 +36,8 @@ _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 _CARRY_LENGTHS = 1.25
 """The least of carries, no two of which take as long: to each its own length would fill chunks with repetitions."""
+_POUR_LENGTHS = 1.25
+"""The same of a liquid, which rests at both ends, so that a longer path does no harm."""
 _ROD_LENGTHS = 1.5
 """The same of rods, whose path is simulated as one."""
 
@@ -58,10 +62,14 @@ class Stepper:
 
 
 def stepper(subject: Subject) -> Stepper:
-    """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study."""
+    """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study.
+
+    Of a liquid with those that act on it, which are a quarter of them.
+    """
     if subject.rods is not None:
         return _rod_stepper(subject.rods)
-    return _particle_stepper(subject.scene, subject.particle_count, subject.initial_state)
+    effects = tuple(effect for effect in EFFECTS if subject.kind.name in effect.objects or not subject.kind.is_poured)
+    return _particle_stepper(subject.scene, subject.particle_count, subject.initial_state, effects)
 
 
 def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
@@ -73,6 +81,8 @@ def length_ratio(subject: Subject, platform: str) -> float:
     """Ratio of one length of paths to the next longer one; 1: every number of blocks is a length."""
     if subject.rods is not None:
         return _ROD_LENGTHS
+    if subject.kind.is_poured:
+        return _POUR_LENGTHS
     return max(_LENGTHS[platform], _CARRY_LENGTHS) if subject.kind.is_in_space else _LENGTHS[platform]
 
 
@@ -82,8 +92,9 @@ def of_one_length(subject: Subject) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState) -> Stepper:
-    simulate: Simulate = make_rollout(scene, particle_count=particles)
+def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState, effects: tuple[Effect, ...]) -> Stepper:
+    simulate: Simulate = make_rollout(scene, particle_count=particles, effects=effects)
+    own = columns_of(effects)
 
     @jax.jit
     def block(phi: jax.Array, state: State, tool: jax.Array, label: jax.Array, time: jax.Array) -> State:
@@ -104,6 +115,7 @@ def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState) -> St
         second: np.ndarray,
         _needed: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
+        phi = phi[:, own]
         stopped = moved(phi, at_rest(jnp.asarray(start[0])), first, label, time)
         return stopped.x, moved(phi, stopped, second, label, time).x
 

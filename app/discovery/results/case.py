@@ -15,6 +15,7 @@ from app.core.measured_setup import MeasuredSetup
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Family, Theta
 from app.discovery.residuals.sensitivity import Step
+from app.sim.effects.base import ObjectKind
 
 
 @final
@@ -220,5 +221,7 @@ class Case:
     spent_s: tuple[tuple[str, float], ...]
     setup: MeasuredSetup | None = None
     """Object, tool and table as they were simulated, with the sources of their sizes."""
+    kind: ObjectKind = "rope"
+    """Kind of the object. Errors of a liquid, in mm, are hundredths of it (`poured_contents`)."""
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of `about` and `extended` in the frame of the data, which all else is in."""

@@ -89,6 +89,9 @@ def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | Non
     nominal = dict[int, Theta]()
     for number in np.unique(data.episode).tolist():
         rest = data.without(number)
+        if not own:
+            nominal[number] = screening.about
+            continue
         fit = fit_mixed_effects(replace(rest, J=rest.J[:, :, own]), variance)
         theta = screening.about
         for n, share in zip(own, np.clip(fit.theta, -1, 1), strict=True):
@@ -123,6 +126,8 @@ def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
     """Mean length of the displacement from the prediction to the observation."""
     if not np.isfinite(predicted).all():
         return float("nan")
+    if trials.bowls is not None:
+        return _MM * float(np.linalg.norm(trials.gap(k, "after", predicted, trials.observed.after[k])))
     basis = trials.basis(k, "after", predicted)
     field = basis.field(register(predicted, trials.observed.after[k], basis))
     return _MM * float(np.linalg.norm(field, axis=1).mean())

@@ -6,7 +6,7 @@ the same length at every speed, but only in contact.
 
 from app.core.geometry.track import Track
 from app.discovery.sensor_actuator_errors.base import Apparatus, Load, Values, one
-from app.sim.effects.base import NOT_CLOTH
+from app.sim.effects.base import ON_TABLES
 
 
 def _drive(track: Track, load: Load, values: Values) -> Track:
@@ -17,7 +17,7 @@ def _drive(track: Track, load: Load, values: Values) -> Track:
 
 EFFECT = Apparatus(
     family="actuation",
-    objects=NOT_CLOTH,
+    objects=ON_TABLES,
     parameters=one("tool_compliance", "m/N", 0.02, 0.2, "How far the tip gives way."),
     drive=_drive,
 )

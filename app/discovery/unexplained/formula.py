@@ -8,7 +8,7 @@ more: what a known cause explains nearly as well has its name.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import Final, NamedTuple, final
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
 from app.discovery.inference.decide import ENOUGH, ModelSelection, Progress
@@ -45,6 +45,10 @@ class UnexplainedForce(NamedTuple):
 
     left: ResidualTest
     found: AcceptedFormula | None
+
+
+NO_FORCE: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
+"""Result where none was looked for."""
 
 
 class _Rival(NamedTuple):

@@ -61,10 +61,10 @@ def ground(within: Bounds, width: float, tallest: float = 620.0) -> Plot:
     )
 
 
-def surface(p: Plot) -> Markup:
-    """The table top with its axes."""
+def surface(p: Plot, across: str = "x [m]", up: str = "y [m]") -> Markup:
+    """The table top, or a plane upright on it, with its axes."""
     top = tag("rect", x=p.x.start, y=p.y.end, width=p.x.end - p.x.start, height=p.y.start - p.y.end, class_="ground")
-    return concat([top, axes(p, "x [m]", "y [m]", grid="xy")])
+    return concat([top, axes(p, across, up, grid="xy")])
 
 
 def cloud(p: Plot, points: Flat, kind: str) -> Markup:

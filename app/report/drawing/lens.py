@@ -38,7 +38,9 @@ def close_up(within: Bounds) -> Plot:
     return ground(within, _WIDTH)
 
 
-def enlarge(p: Plot, ident: str, title: str, description: str, drawn: Markup) -> Markup:
+def enlarge(
+    p: Plot, ident: str, title: str, description: str, drawn: Markup, axes: tuple[str, str] = ("x [m]", "y [m]")
+) -> Markup:
     """A drawing of the region, clipped at its edges; `ident` is unique on the page."""
     inside = tag("rect", x=p.x.start, y=p.y.end, width=p.x.end - p.x.start, height=p.y.start - p.y.end)
     return svg(
@@ -47,7 +49,7 @@ def enlarge(p: Plot, ident: str, title: str, description: str, drawn: Markup) ->
         title,
         description,
         tag("clipPath", inside, id=ident),
-        surface(p),
+        surface(p, *axes),
         tag("g", drawn, clip_path=f"url(#{ident})", class_="close"),
     )
 

@@ -1,4 +1,9 @@
-"""Held-out pushes as observed and as both models predict them, from above, with the largest difference enlarged."""
+"""Held-out pushes as observed and as both models predict them, with the largest difference enlarged."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
 
 from app.discovery.results.case import Case, Example
 from app.report.drawing.chart import Plot, svg
@@ -20,15 +25,28 @@ _KEY = (
 _KEY_OF_ONE = tuple(entry for entry in _KEY if entry[0] != "extended")
 
 
+class _View(NamedTuple):
+    """Names of a drawing's axes, and whence it is seen."""
+
+    axes: tuple[str, str]
+    whence: str
+
+
+_ABOVE = _View(("x [m]", "y [m]"), "from above")
+_SIDE = _View(("along the motion [m]", "height [m]"), "from the side")
+
+
 def examples(case: Case) -> Markup:
     """The pushes, shown one at a time."""
     if not case.examples:
         return paragraph("No episode was held out, so there is no push that the models had not seen.")
     options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
+    poured = case.kind == "liquid"
+    view = _SIDE if poured else _ABOVE
     shown = [
         tag(
             "div",
-            _example(it, index, extended=is_extended(case.gain)),
+            _example(_sideways(it) if poured else it, index, view, extended=is_extended(case.gain)),
             data_of="example",
             data_key=str(index),
             class_="off" if index else None,
@@ -38,15 +56,35 @@ def examples(case: Case) -> Markup:
     return concat([chooser("example", "Held-out push", options), *shown])
 
 
-def _example(it: Example, index: int, *, extended: bool) -> Markup:
+def _sideways(it: Example) -> Example:
+    """The same as seen from the side: along the farthest way of the tool, and its height."""
+    way_m = it.tool[:, :2] - it.tool[0, :2]
+    farthest = way_m[np.argmax(np.linalg.norm(way_m, axis=1))]
+    ahead = farthest / max(float(np.linalg.norm(farthest)), 1e-9)
+
+    def seen(points: np.ndarray) -> np.ndarray:
+        along = (points[:, :2] - it.tool[0, :2]) @ ahead
+        return np.stack([along, points[:, 2], np.zeros(len(points))], axis=1).astype(points.dtype)
+
+    return replace(
+        it,
+        before=seen(it.before),
+        observed=seen(it.observed),
+        nominal=seen(it.nominal),
+        extended=seen(it.extended),
+        tool=seen(it.tool),
+    )
+
+
+def _example(it: Example, index: int, view: _View, *, extended: bool) -> Markup:
     whole = ground(bounds((it.before, it.observed, it.nominal, it.extended, it.tool)), 440.0, 480.0)
     near = lens(it.observed, it.nominal)
     drawing = svg(
         whole.width,
         whole.height,
         f"Held-out push {it.number}",
-        "The object before and after the push and as both models predict it, from above, with the way of the tool.",
-        surface(whole),
+        f"The object before and after the push and as both models predict it, {view.whence}, with the way of the tool.",
+        surface(whole, *view.axes),
         cloud(whole, it.before, "before"),
         _ends(whole, it, extended=extended),
         way(whole, it.tool),
@@ -59,6 +97,7 @@ def _example(it: Example, index: int, *, extended: bool) -> Markup:
         f"Held-out push {it.number}, where the nominal model is worst",
         f"Where the nominal model is farthest from what was seen, in a square of {200 * LENS_M:g} cm.",
         _ends(close, it, extended=extended),
+        view.axes,
     )
     return columns(
         figure(drawing, _caption(it, extended=extended), legend=legend(_KEY if extended else _KEY_OF_ONE)),

@@ -9,7 +9,7 @@ from app.report.drawing.chart import axes, dots, label, line, nice_step, plot, p
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.words import decimal
-from app.report.sections.verdict import gain_sentence, is_extended
+from app.report.sections.verdict import gain_sentence, is_extended, unit_of
 
 _WIDTH, _HEIGHT = 250.0, 250.0
 _MARGINS = (14.0, 14.0, 46.0, 58.0)
@@ -17,15 +17,15 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 
 def gains(case: Case) -> Markup:
     """The gain in words, and in three small figures."""
-    drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
+    drawn = [_bars(case.gain, unit_of(case))] if math.isfinite(case.gain.nominal_mm) else []
     drawn += [_pairs(case)] if np.isfinite(case.per_episode).any() and is_extended(case.gain) else []
     drawn += [_steps(case)] if np.isfinite(case.steps).any() else []
     kinds = [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model")]
     key = legend([*kinds, ("extended", "extended model")] if is_extended(case.gain) else kinds)
-    return concat([paragraph(gain_sentence(case.gain), "lead"), key, columns(*drawn, kind="three")])
+    return concat([paragraph(gain_sentence(case.gain, unit_of(case)), "lead"), key, columns(*drawn, kind="three")])
 
 
-def _bars(gain: Gain) -> Markup:
+def _bars(gain: Gain, unit: str) -> Markup:
     values = (
         ("no motion", gain.still_mm, "still"),
         ("nominal", gain.nominal_mm, "nominal"),
@@ -41,8 +41,8 @@ def _bars(gain: Gain) -> Markup:
             label(x, top - 6, decimal(value, 1), "strong", anchor="middle"),
             label(x, p.y.start + 18, name, "tick", anchor="middle"),
         ]
-    said = "; ".join(f"{name} {decimal(value, 1)} mm" for name, value, _ in known)
-    drawing = svg(p.width, p.height, "One-step error", said, axes(p, "", "one-step error [mm]", x_count=0), *drawn)
+    said = "; ".join(f"{name} {decimal(value, 1)} {unit}" for name, value, _ in known)
+    drawing = svg(p.width, p.height, "One-step error", said, axes(p, "", f"one-step error [{unit}]", x_count=0), *drawn)
     return figure(drawing, "Held-out one-step errors. A model is of use where its bar is well below that of no motion.")
 
 
@@ -56,7 +56,7 @@ def _pairs(case: Case) -> Markup:
         p.height,
         "Errors episode by episode",
         f"The extended model is better in {better} of {len(values)} episodes.",
-        axes(p, "", "one-step error [mm]", x_count=0),
+        axes(p, "", f"one-step error [{unit_of(case)}]", x_count=0),
         *(line(*pair, "pair" if b < a else "pair worse") for pair, (a, b) in zip(pairs, values, strict=True)),
         dots([start for start, _ in pairs], "mid nominal"),
         dots([end for _, end in pairs], "mid extended"),
@@ -67,7 +67,7 @@ def _pairs(case: Case) -> Markup:
 
 
 def _steps(case: Case) -> Markup:
-    values = case.steps
+    values, unit = case.steps, unit_of(case)
     p = plot(_WIDTH, _HEIGHT, (0.6, len(values) + 0.4), (0.0, _above(float(np.nanmax(values)))), _MARGINS)
     curves = [
         [p.at((step + 1.0, value)) for step, value in enumerate(values[:, k]) if math.isfinite(value)] for k in range(2)
@@ -76,8 +76,8 @@ def _steps(case: Case) -> Markup:
         p.width,
         p.height,
         "Errors over several pushes",
-        "; ".join(f"after {k + 1}: {decimal(a, 1)} and {decimal(b, 1)} mm" for k, (a, b) in enumerate(values)),
-        axes(p, "pushes predicted in a row", "error [mm]", x_count=max(len(values), 1)),
+        "; ".join(f"after {k + 1}: {decimal(a, 1)} and {decimal(b, 1)} {unit}" for k, (a, b) in enumerate(values)),
+        axes(p, "pushes predicted in a row", f"error [{unit}]", x_count=max(len(values), 1)),
         *(
             concat([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
             for curve, kind in zip(curves, ("nominal", "extended"), strict=True)

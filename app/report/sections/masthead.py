@@ -10,7 +10,7 @@ from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
 from app.report.drawing.words import best, decimal, interval, title
 from app.report.sections.advice import advice
-from app.report.sections.verdict import chance, headline, is_extended, is_missing_something, kind
+from app.report.sections.verdict import chance, headline, is_extended, is_missing_something, kind, unit_of
 
 _PROGRAM: Final = "dipac "
 
@@ -52,17 +52,17 @@ def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
         it = size(blame)
         numbers = (it.value, it.low, it.high, it.unit)
         entries.append((title(it.name), best(*numbers), f"90 % interval {interval(*numbers)}"))
-    gain = case.gain
-    still = f"{decimal(gain.still_mm, 1)} mm if nothing moved"
+    gain, unit = case.gain, unit_of(case)
+    still = f"{decimal(gain.still_mm, 1)} {unit} if nothing moved"
     if math.isfinite(gain.nominal_mm) and not is_extended(gain):
-        errors = f"{decimal(gain.nominal_mm, 1)} mm"
+        errors = f"{decimal(gain.nominal_mm, 1)} {unit}"
         entries.append(
             ("Error of the refitted model", errors, f"over {gain.episodes} episodes, each left out in turn; {still}")
         )
     elif math.isfinite(gain.gain):
         low, high = decimal(100 * gain.low, 0), decimal(100 * gain.high, 0)
         entries.append(("Held-out error gone", f"{decimal(100 * gain.gain, 0)} %", f"90 % interval {low} to {high} %"))
-        errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} mm"
+        errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} {unit}"
         entries.append(("One-step error", errors, f"over {gain.episodes} episodes, each left out in turn; {still}"))
     return entries
 

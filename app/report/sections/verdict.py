@@ -85,18 +85,23 @@ def is_extended(gain: Gain) -> bool:
     return gain.extended_mm != gain.nominal_mm
 
 
-def gain_sentence(gain: Gain) -> str:
+def unit_of(case: Case) -> str:
+    """Unit of the errors: of what is poured they are hundredths of it."""
+    return "% of the liquid" if case.kind == "liquid" else "mm"
+
+
+def gain_sentence(gain: Gain, unit: str = "mm") -> str:
     """The gain in a sentence, or a note that it could not be measured."""
     if not math.isfinite(gain.gain) or gain.episodes == 0:
         return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
     if not is_extended(gain):
         return (
-            f"No extended model is used: the refitted one errs by {decimal(gain.nominal_mm, 1)} mm on {gain.episodes} "
-            f"held-out episodes, one in which nothing moves by {decimal(gain.still_mm, 1)} mm."
+            f"No extended model is used: the refitted one errs by {decimal(gain.nominal_mm, 1)} {unit} on "
+            f"{gain.episodes} held-out episodes, one in which nothing moves by {decimal(gain.still_mm, 1)} {unit}."
         )
-    errors = f"{decimal(gain.nominal_mm, 1)} to {decimal(gain.extended_mm, 1)} mm"
+    errors = f"{decimal(gain.nominal_mm, 1)} to {decimal(gain.extended_mm, 1)} {unit}"
     share = gain_and_interval(gain.gain, gain.low, gain.high)
     return (
         f"{share} of the one-step error is gone: {errors} on {gain.episodes} held-out episodes; a model in which "
-        f"nothing moves errs by {decimal(gain.still_mm, 1)} mm."
+        f"nothing moves errs by {decimal(gain.still_mm, 1)} {unit}."
     )

@@ -7,13 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.geometry.scene_description import Beans, Body, Cloth, Rope, RopeModel
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope, RopeModel
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, InjectedParameter
-from app.rig.simulated.worlds.physics import BEAN_WORLD, CLOTH_WORLD, ROPE_WORLDS, WorldPhysics, with_size
+from app.rig.simulated.worlds.physics import (
+    BEAN_WORLD,
+    CLOTH_WORLD,
+    LIQUID_WORLD,
+    ROPE_WORLDS,
+    WorldPhysics,
+    with_size,
+)
 from app.sim import effects
 from app.sim.files import files_of
-from app.sim.model.numerics import NUMERICS, OURS, ROD_NUMERICS
+from app.sim.model.numerics import NUMERICS, OURS, POUR_NUMERICS, ROD_NUMERICS
 
 MISTUNED = 0.3
 """Largest deviation of the friction of table and tool and of the stiffness of rope and cloth or the beans' rolling, as
@@ -37,7 +44,9 @@ def injectable_effects() -> dict[str, Hidden]:
 def not_injectable() -> dict[str, str]:
     """Reasons why causes of discovery's catalogue cannot be injected here, by name."""
     said = {name: module.EFFECT.not_injectable for name, module in files_of(effects)}
-    own = dict.fromkeys(NUMERICS, OURS) | {name: unknown.not_injectable for name, unknown in ROD_NUMERICS.items()}
+    own = dict.fromkeys((*NUMERICS, *POUR_NUMERICS), OURS) | {
+        name: unknown.not_injectable for name, unknown in ROD_NUMERICS.items()
+    }
     return {name: reason for name, reason in (said | own).items() if reason}
 
 
@@ -63,10 +72,11 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | Liquid | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
-    `body`: a rope of other sizes than the cell's, beans, whose resistance to rolling is perturbed, or a cloth.
+    `body`: a rope of other sizes than the cell's, beans, whose resistance to rolling is perturbed, a cloth, or a
+    liquid, of which that is its bulk modulus.
     """
     table, tool, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
     if isinstance(body, Beans):
@@ -75,6 +85,8 @@ def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | 
     elif isinstance(body, Cloth):
         nominal = CLOTH_WORLD
         rubbing = replace(nominal, cloth=replace(nominal.cloth, membrane_n_m=nominal.cloth.membrane_n_m * stiffness))
+    elif isinstance(body, Liquid):
+        nominal, rubbing = LIQUID_WORLD, replace(LIQUID_WORLD, bulk_pa=LIQUID_WORLD.bulk_pa * stiffness)
     else:
         nominal = ROPE_WORLDS[world] if body is None else with_size(ROPE_WORLDS[world], body)
         rubbing = _with_stiffness(nominal, stiffness)

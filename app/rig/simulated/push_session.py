@@ -15,7 +15,7 @@ from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.policy.random_pushes import PushDesign, midway_s
+from app.policy.random_pushes import PushDesign
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.testbeds import find_testbed
 from app.rig.simulated.worlds.cloth_world import ClothWorld
@@ -44,10 +44,15 @@ _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampedSnapshot:
-    """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
+    """Snapshot of the world at a moment that cameras stamp `stamp_s`.
+
+    `told`: pose of a tool that holds the object by the kinematics, in which reconstructions place what it hides; None
+    of other tools.
+    """
 
     stamp_s: float
     snapshot: Snapshot
+    told: ToolPose | None = None
 
 
 @final
@@ -102,7 +107,8 @@ class PushSession:
             self._world.rest(due_s)
         else:
             _wait(self._world, due_s)
-        self._before = _rest(self._world)
+        told = self._last if self._last is not None else self._world.tool
+        self._before = _rest(self._world, told if self._testbed.holds else None)
         return self._before
 
     def random(self) -> Track:
@@ -120,7 +126,8 @@ class PushSession:
             world.place(_pose(made, float(made.times_s[0])))
         else:
             world.step(_pose(made, float(made.times_s[0])), float(command.times_s[0]) - world.time_s)
-        during = self._watch(world, made, command)
+        measured = _measure(self._arm, command, encoders)
+        during = self._watch(world, made, command, measured)
         if self._testbed.holds:
             self._last = _pose(command, command.end_s)
             _wait(world, world.time_s + _REST_S)
@@ -130,18 +137,19 @@ class PushSession:
             episode=self.episode,
             before=before,
             during=during,
-            after=_rest(world),
+            after=_rest(world, self._last),
             command=command,
-            measured=_measure(self._arm, command, encoders),
+            measured=measured,
         )
         self.number, self._before = self.number + 1, None
         return take
 
-    def _watch(self, world: World, made: Track, command: Track) -> StampedSnapshot:
+    def _watch(self, world: World, made: Track, command: Track, measured: Track) -> StampedSnapshot:
         """Move the tool as the arm made it of the command; the snapshot on the way."""
-        stamp_s = midway_s(command.times_s)
+        stamp_s = self._testbed.midway_s(command)
         _follow(world, made, stamp_s + self._arm.late_s)
-        during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
+        told = _pose(measured, stamp_s) if self._testbed.holds else None
+        during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot(), told=told)
         _follow(world, made, max(made.end_s, command.end_s))
         return during
 
@@ -200,9 +208,9 @@ def _withdraw(world: World) -> None:
     _wait(world, world.time_s + _REST_S)
 
 
-def _rest(world: World) -> StampedSnapshot:
+def _rest(world: World, told: ToolPose | None) -> StampedSnapshot:
     """Snapshot of a world at rest, when time offsets have no effect."""
-    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
+    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot(), told=told)
 
 
 def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext, ParticleContext, linear
+from app.sim.effects.base import SOLIDS, Effect, NodeContext, ParticleContext, linear
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -46,6 +46,7 @@ _ENDS = (-1.0, 0.5, 1.0)
 _LOG, _AFTER = "Logarithm of", "after the change over that before it."
 _ABOUT = "When the change happens: -0.5 is the beginning and 0.5 the end of the session."
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         linear("friction_step", "1", _ENDS, f"{_LOG} the table's friction {_AFTER}", rod_null_prior=(0.0, 0.044)),
         linear("stiffness_step", "1", _ENDS, f"{_LOG} the object's stiffness {_AFTER}", rod_null_prior=(0.0, 0.047)),

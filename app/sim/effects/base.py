@@ -17,6 +17,9 @@ NOT_CLOTH: frozenset[ObjectKind] = EVERY - {"cloth"}
 ROPES: frozenset[ObjectKind] = frozenset({"rope"})
 GRAINS: frozenset[ObjectKind] = frozenset({"grains"})
 LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid"})
+ON_TABLES: frozenset[ObjectKind] = frozenset({"rope", "grains"})
+SOLIDS: frozenset[ObjectKind] = EVERY - LIQUIDS
+"""Kinds that lie on the table or hang: what acts on the table, or at a place, does nothing to a liquid in bowls."""
 ClassT = TypeVar("ClassT")
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext, linear
+from app.sim.effects.base import SOLIDS, Effect, NodeContext, linear
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 LAYER = wp.constant(0.02)
@@ -33,6 +33,7 @@ def pull_on_section(phi: EffectParameters, rods: RodContext) -> EffectParameters
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         linear(
             "draught_x",

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import NOT_CLOTH, Effect, NodeContext, linear
+from app.sim.effects.base import ON_TABLES, Effect, NodeContext, linear
 from app.sim.rods.effect import RodEffect
 
 REST = wp.constant(1.0e-6)
@@ -29,7 +29,7 @@ _ENDS = (-0.6, 0.2, 0.6)
 _AXES = "How much more the table rubs along x, and less along y, as a share of its friction."
 _DIAGONALS = "How much more the table rubs along the diagonal x = y, and less along x = -y."
 EFFECT = Effect(
-    objects=NOT_CLOTH,
+    objects=ON_TABLES,
     parameters=(
         linear("anisotropy_axes", "1", _ENDS, _AXES, null_prior=(0.0, 0.14), rod_null_prior=(0.0, 0.081)),
         linear("anisotropy_diagonals", "1", _ENDS, _DIAGONALS, null_prior=(0.0, 0.14), rod_null_prior=(0.0, 0.081)),

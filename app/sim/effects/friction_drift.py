@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext
+from app.sim.effects.base import SOLIDS, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
@@ -25,6 +25,7 @@ def drifted_table(rods: RodProperties, context: RodContext, phi: EffectParameter
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="friction_drift",

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import MIDDLE, MIDDLE_M, NOT_CLOTH, Effect, NodeContext
+from app.sim.effects.base import MIDDLE, MIDDLE_M, ON_TABLES, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -29,7 +29,7 @@ def placed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 
 EFFECT = Effect(
-    objects=NOT_CLOTH,
+    objects=ON_TABLES,
     parameters=(
         ParameterSpec(
             name="friction_slope_x",

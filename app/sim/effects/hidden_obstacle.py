@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext, place
+from app.sim.effects.base import SOLIDS, Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -30,6 +30,7 @@ def obstructed_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="obstacle_rate",

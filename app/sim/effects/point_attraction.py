@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext, place
+from app.sim.effects.base import SOLIDS, Effect, NodeContext, place
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -25,6 +25,7 @@ def attracted_velocity(v: wp.vec3, node: NodeContext, phi: Any, at: int) -> wp.v
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="attraction",

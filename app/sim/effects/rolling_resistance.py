@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import NOT_CLOTH, Effect, NodeContext
+from app.sim.effects.base import ON_TABLES, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 
 
@@ -19,7 +19,7 @@ def rolling_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 
 EFFECT = Effect(
-    objects=NOT_CLOTH,
+    objects=ON_TABLES,
     parameters=(
         ParameterSpec(
             name="rolling_share",

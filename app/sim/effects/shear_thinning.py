@@ -41,6 +41,5 @@ EFFECT = Effect(
             about="Power of the shear rate with which a liquid's stress grows; below 1 it thins.",
         ),
     ),
-    not_injectable="there is no liquid in this world",
     viscosity=thinned_viscosity,
 )

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import NOT_CLOTH, Effect, NodeContext
+from app.sim.effects.base import ON_TABLES, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
@@ -24,7 +24,7 @@ def stribeck_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 
 EFFECT = Effect(
-    objects=NOT_CLOTH,
+    objects=ON_TABLES,
     parameters=(
         ParameterSpec(
             name="stribeck_excess",

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, NodeContext
+from app.sim.effects.base import SOLIDS, Effect, NodeContext
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
@@ -31,6 +31,7 @@ def share_of_velocity(phi: EffectParameters, rods: RodContext) -> EffectParamete
 
 
 EFFECT = Effect(
+    objects=SOLIDS,
     parameters=(
         ParameterSpec(
             name="film_drag",

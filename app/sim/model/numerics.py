@@ -122,4 +122,15 @@ ROD_NUMERICS: Mapping[str, RodUnknown] = {
 
 Steps are what ropes of MuJoCo's chain, of drawn sizes, differ by in fits of the rod to them (docs/discovery-model.md).
 """
-ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
+POUR_NUMERICS: Mapping[str, str] = {
+    "outflow": "Share of the way to a model of which a fifth more flows out.",
+    "lip_height": "Share of the way to a bowl whose lip keeps a twentieth of the liquid back.",
+}
+"""Errors of a liquid's cells and contacts, which are as thick as what flows over a lip.
+
+They are fitted with every cause to what was poured, so that a model that pours too much or too early is not taken for a
+thicker liquid.
+"""
+OUTFLOW_STEP, LIP_STEP = 0.2, 0.05
+"""A step of each: a share of what flows out, and of all of the liquid."""
+ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS) | frozenset(POUR_NUMERICS)

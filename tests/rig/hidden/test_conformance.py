@@ -8,13 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.core.geometry.scene_description import Liquid, Rope
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.dataset.object_kinds import GRAINS
+from app.discovery.dataset.object_kinds import GRAINS, LIQUID
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, not_injectable
-from app.rig.simulated.injected_effects.base import ANY_BODY, ON_TABLES, ROPES, SOLIDS, InjectedEffect, SensorImages
+from app.rig.simulated.injected_effects.base import (
+    ANY_BODY,
+    LIQUIDS,
+    ON_TABLES,
+    ON_TABLES_OR_POURED,
+    ROPES,
+    SOLIDS,
+    InjectedEffect,
+    SensorImages,
+)
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
@@ -23,13 +33,17 @@ from tests.rig.scene import PUSH_Z, ROPE
 
 FILES, MODULES = injectable_effects(), dict(files_of(injected_effects))
 CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
+OF_LIQUIDS = catalogue(kind=LIQUID)
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
 HEFT = TASK.scene.gravity_m_s2 / 9.81
 FORBIDDEN = ("app.sim", "app.discovery", "app.perception", "app.planner")
 every_effect = pytest.mark.parametrize("name", FILES)
 catalogued = pytest.mark.parametrize("name", [name for name, effect in FILES.items() if effect.catalogued])
-in_the_world = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.family == "physics" or e.build])
+in_the_world = pytest.mark.parametrize(
+    "name", [name for name, e in FILES.items() if (e.family == "physics" or e.build) and Rope in e.bodies]
+)
+in_liquids = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.in_world and Liquid in e.bodies])
 
 
 def nothing(name: str) -> InjectedEffect:
@@ -38,7 +52,7 @@ def nothing(name: str) -> InjectedEffect:
 
 
 def typical(name: str, seed: int = 0) -> InjectedEffect:
-    (drawn,) = draw([InjectionRequest(name, None)], seed)
+    (drawn,) = draw([InjectionRequest(name, None)], seed, FILES[name].bodies[0])
     return drawn
 
 
@@ -111,7 +125,7 @@ def test_what_is_drawn_follows_from_the_seed_and_has_the_size_asked_for(name: st
 
 def test_everything_of_the_catalogue_can_be_hidden_or_is_said_to_be_impossible() -> None:
     of_rods = catalogue(subject_of(load("rope_push@rods")).rods)
-    further = [catalogue(kind=replace(GRAINS, name=name)) for name in ("grains", "cloth", "liquid")]
+    further = [OF_LIQUIDS, *(catalogue(kind=replace(GRAINS, name=name)) for name in ("grains", "cloth"))]
     causes = {cause.name for known in (CATALOGUE, of_rods, *further) for cause in known.causes}
     assert {name for name, effect in FILES.items() if effect.catalogued} == causes - set(not_injectable())
     assert set(not_injectable()) < causes
@@ -122,19 +136,31 @@ def test_everything_of_the_catalogue_can_be_hidden_or_is_said_to_be_impossible()
 
 @catalogued
 def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_in_real_units(name: str) -> None:
-    effect, cause = FILES[name], CATALOGUE.cause(name)
-    specs = [CATALOGUE.specs[column] for column in cause.columns]
+    effect, of_ropes = FILES[name], Rope in FILES[name].bodies
+    known = CATALOGUE if of_ropes else OF_LIQUIDS
+    scales = (TASK.time_scale, HEFT) if of_ropes else (1.0, 1.0)
+    cause = known.cause(name)
+    specs = [known.specs[column] for column in cause.columns]
     assert effect.family == cause.family
     assert [quantity.name for quantity in effect.quantities] == [spec.name for spec in specs]
     for quantity, spec in zip(effect.quantities, specs, strict=True):
         assert quantity.unit == spec.unit
-        assert quantity.null == pytest.approx(spec.real(spec.nominal, TASK.time_scale, HEFT))
+        assert quantity.null == pytest.approx(spec.real(spec.nominal, *scales))
         if spec.typical is None or quantity.typical is None:
             assert spec.typical is None
             assert quantity.typical is None
         else:
-            assert quantity.typical == pytest.approx(spec.real(spec.typical, TASK.time_scale, HEFT), rel=0.01)
-            assert quantity.high <= 1.01 * spec.real(spec.high, TASK.time_scale, HEFT)
+            assert quantity.typical == pytest.approx(spec.real(spec.typical, *scales), rel=0.01)
+            assert quantity.high <= 1.01 * spec.real(spec.high, *scales)
+
+
+@in_liquids
+def test_an_effect_in_liquids_has_the_typical_sizes_that_their_catalogue_says(name: str) -> None:
+    main, cause = FILES[name].main_in(Liquid), OF_LIQUIDS.cause(name)
+    spec = OF_LIQUIDS.specs[cause.columns[0]]
+    assert spec.typical is not None
+    assert main.typical == pytest.approx(spec.typical, rel=0.01)
+    assert main.high <= 1.01 * spec.high
 
 
 @catalogued
@@ -165,6 +191,8 @@ def test_the_page_about_hidden_effects_says_which_objects_an_effect_can_be_in(na
         ROPES: "ropes",
         ON_TABLES: "ropes, beans",
         SOLIDS: "ropes, beans, cloths",
+        ON_TABLES_OR_POURED: "ropes, beans, liquids",
+        LIQUIDS: "liquids",
         ANY_BODY: "any object",
     }
     said = named[FILES[name].bodies]

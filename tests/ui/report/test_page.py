@@ -242,3 +242,13 @@ def test_a_model_that_was_not_extended_has_gained_nothing_and_nothing_is_said_of
     gain = replace(named().gain, extended_mm=named().gain.nominal_mm, gain=0.0)
     assert "No extended model" in gain_sentence(gain)
     assert "0 %" not in gain_sentence(gain)
+
+
+def test_a_liquid_is_shown_from_the_side_in_hundredths_of_it_and_not_over_the_table() -> None:
+    reader = read(replace(named(), kind="liquid"))
+    ids, text = {attributes.get("id") for _, attributes in reader.tags}, " ".join(reader.text)
+    assert not ids & {"field", "frames", "next"}
+    assert {"causes", "examples", "gains"} <= ids
+    assert "% of the liquid" in text
+    assert "height [m]" in text
+    assert "y [m]" not in text

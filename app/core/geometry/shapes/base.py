@@ -55,6 +55,11 @@ class ToolGeometry(Protocol):
         """GripperFingers that hold an object between them; None of a tool without."""
         return None
 
+    @property
+    def bowl_m(self) -> float | None:
+        """Outer radius of half a sphere about its place by which cameras find the tool [m]; None without one."""
+        return None
+
     def outline(self, at: ToolPose) -> Outline | None:
         """Outline by which the tool pushes an object that lies on the table; None for a tool that holds the object."""
         ...

@@ -145,6 +145,11 @@ class HeldBowl(ToolGeometry):
     friction: float = 0.1
     colour: Colour = (0.85, 0.84, 0.80)
 
+    @property
+    def bowl_m(self) -> float:
+        """That of its outer wall."""
+        return self.radius_m + self.thickness_m
+
     def hulls(self, at: ToolPose, margin_m: float) -> list[Corners]:
         """None: the object lies in it."""
         del at, margin_m

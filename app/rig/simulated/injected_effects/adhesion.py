@@ -5,7 +5,15 @@ The patch of a segment or a bean is its length times its diameter; it lets go 2 
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, InjectedParameter, Moment, Values, Vectors, plain
+from app.rig.simulated.injected_effects.base import (
+    ON_TABLES_OR_POURED,
+    Hidden,
+    InjectedParameter,
+    Moment,
+    Values,
+    Vectors,
+    plain,
+)
 
 _REACH_M = 0.002
 
@@ -19,7 +27,8 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=ON_TABLES_OR_POURED,
+    liquid_share=12.0,
     quantities=(InjectedParameter(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
     draw=plain,
     force=_force,

@@ -22,6 +22,9 @@ ON_TABLES: Final = (Rope, Beans)
 """Objects that lie on the table and are pushed over it."""
 SOLIDS: Final = (Rope, Beans, Cloth)
 """Objects that a tool moves as it touches or holds them: ropes, beans and cloths."""
+LIQUIDS: Final = (Liquid, Soup)
+"""Objects that are poured."""
+ON_TABLES_OR_POURED: Final = (*ON_TABLES, *LIQUIDS)
 ANY_BODY: Final = (Rope, Beans, Cloth, Liquid, Soup)
 """Objects of every kind: errors of arm and cameras are in what moves and sees them."""
 
@@ -90,8 +93,9 @@ class Hidden:
     """An injectable effect: its parameters, their distribution for a size, the bodies it can be in, and its hooks.
 
     `bodies`: classes of `scene_description`. `beans_share`: typical and largest size in beans, as a share of those in
-    ropes: they roll where a rope is held. Hooks that are not given change nothing. In the world: `physics` and `build`
-    act before MuJoCo compiles its model (the latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...);
+    ropes: they roll where a rope is held; `liquid_share`: the same in liquids, whose world is our own engine, which has
+    its own term for each effect and needs no hook. Hooks that are not given change nothing. In the world: `physics` and
+    `build` act before MuJoCo compiles its model (the latter on the `MjSpec`, whose rope is the bodies rope0, ...);
     `friction` is the factor of the table's friction under each body, `force` acts on each [N], `stiffness` is the
     factor of a rope's hinges' or of beans' contacts', and `relaxed` the share of the hinges' elastic bend that becomes
     permanent in a duration. In the arm: `drive` is the tip's actual track for a commanded one, and `told` is True where
@@ -105,6 +109,7 @@ class Hidden:
     draw: Draw
     catalogued: bool = True
     beans_share: float = 1.0
+    liquid_share: float = 1.0
     physics: Callable[[WorldPhysics, Body, Values], WorldPhysics] | None = None
     build: Callable[[Any, WorldPhysics, Values], None] | None = None
     friction: Callable[[Moment, Values], Factors] | None = None
@@ -124,7 +129,8 @@ class Hidden:
 
     def main_in(self, body: type[Body]) -> InjectedParameter:
         """The same, with its sizes in an object of that class."""
-        main, share = self.main, self.beans_share if body is Beans else 1.0
+        shares: dict[type[Body], float] = {Beans: self.beans_share, **dict.fromkeys(LIQUIDS, self.liquid_share)}
+        main, share = self.main, shares.get(body, 1.0)
         if share == 1.0 or main.typical is None:
             return main
         return replace(main, typical=share * main.typical, high=share * main.high)
@@ -133,7 +139,7 @@ class Hidden:
     def in_world(self) -> bool:
         """True where it changes object, table or tool, and not arm and cameras alone."""
         hooks = (self.physics, self.build, self.friction, self.force, self.stiffness, self.relaxed)
-        return any(hook is not None for hook in hooks)
+        return self.family == "physics" or any(hook is not None for hook in hooks)
 
 
 @final

@@ -1,9 +1,9 @@
-"""Finger friction: the tool's Coulomb coefficient, of finger or paddle, differs from that of a polished one."""
+"""Finger friction: the tool's Coulomb coefficient, of finger, paddle or bowls, differs from that of a polished one."""
 
 from dataclasses import replace
 
 from app.core.geometry.scene_description import Body
-from app.rig.simulated.injected_effects.base import ON_TABLES, Hidden, InjectedParameter, Values, plain
+from app.rig.simulated.injected_effects.base import ON_TABLES_OR_POURED, Hidden, InjectedParameter, Values, plain
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 
@@ -13,7 +13,7 @@ def _physics(physics: WorldPhysics, _body: Body, values: Values) -> WorldPhysics
 
 HIDDEN = Hidden(
     family="physics",
-    bodies=ON_TABLES,
+    bodies=ON_TABLES_OR_POURED,
     quantities=(InjectedParameter(name="finger_friction", unit="1", null=0.3, typical=0.6, low=0.01, high=1.5),),
     draw=plain,
     physics=_physics,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.rig.simulated.injected_effects.base import SOLIDS, Hidden, Values, components, level
+from app.rig.simulated.injected_effects.base import ANY_BODY, Hidden, Values, components, level
 from app.rig.simulated.worlds.physics import WorldPhysics
 
 
@@ -17,5 +17,5 @@ def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
 
 
 HIDDEN = Hidden(
-    family="physics", bodies=SOLIDS, quantities=components("tilt", "xy", "deg", 1.0, 5.0), draw=level, build=_build
+    family="physics", bodies=ANY_BODY, quantities=components("tilt", "xy", "deg", 1.0, 5.0), draw=level, build=_build
 )

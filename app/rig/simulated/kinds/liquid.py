@@ -1,9 +1,12 @@
 """A liquid that is poured from a held bowl into a fixed one."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from app.core.geometry.bowls import centre_of_bowl
 from app.core.geometry.scene_description import Liquid, Soup, Stage
+from app.core.geometry.shapes.fixtures import Bowl
 from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
@@ -13,6 +16,22 @@ from app.rig.simulated.worlds.world import Nodes, World
 
 OVERLAP = 0.70
 """Radius of a drawn drop in spacings: the visible centre of a pool of them is within 1 mm of its level."""
+
+
+class Bowls(NamedTuple):
+    """A liquid, the bowl in the hand that it is in at first, and the fixed one."""
+
+    liquid: Liquid
+    held: HeldBowl
+    fixed: Bowl
+
+
+def liquid_in_bowls(stage: Stage) -> Bowls:
+    """The stage's liquid and bowls; TypeError for other objects or tools."""
+    fixed = [each for each in stage.fixtures if isinstance(each, Bowl)]
+    if not isinstance(stage.tool, HeldBowl) or len(fixed) != 1:
+        raise TypeError(f"A liquid is poured from one bowl into another, not by a {type(stage.tool).__name__}.")
+    return Bowls(liquid=_liquid(stage), held=stage.tool, fixed=fixed[0])
 
 
 def _node_count(stage: Stage) -> int:

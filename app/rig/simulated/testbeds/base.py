@@ -5,7 +5,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.scene_description import Beans, Cloth, Rope
+from app.core.geometry.scene_description import Beans, Cloth, Liquid, Rope
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign
@@ -27,7 +27,7 @@ class Testbed(Protocol):
     @property
     def holds(self) -> bool: ...  # noqa: D102 - named for what it is
 
-    def body(self, task: Task) -> Rope | Beans | Cloth:
+    def body(self, task: Task) -> Rope | Beans | Cloth | Liquid:
         """The object."""
         ...
 
@@ -61,6 +61,10 @@ class Testbed(Protocol):
 
         `tool`: where it holds the object, at the end of the last command; None of a tool that holds nothing.
         """
+        ...
+
+    def midway_s(self, command: Track) -> float:
+        """A moment of a motion at which cameras look at it."""
         ...
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:

@@ -49,6 +49,15 @@ class Intrusion:
                 physics = each.effect.physics(physics, body, each.values)
         return physics
 
+    def terms(self) -> dict[str, float]:
+        """Parameters of the effects in the world itself, by name: for a world that has terms of these names."""
+        return {
+            quantity.name: float(value)
+            for each in self._hidden
+            if each.effect.in_world
+            for quantity, value in zip(each.effect.quantities, each.values, strict=True)
+        }
+
     def build(self, spec: Any, physics: WorldPhysics) -> None:
         """Change the MuJoCo `spec` before it is compiled."""
         for each in self._hidden:

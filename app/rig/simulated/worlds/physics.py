@@ -90,7 +90,8 @@ class WorldPhysics:
 
     `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
     `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: the rope's model, where
-    it is not the chain of `rope`. `cloth`: of a cloth.
+    it is not the chain of `rope`. `cloth`: of a cloth. `bulk_pa`: bulk modulus of a liquid, whose bowls' friction is
+    `finger_friction` over that of a finger times their own.
     """
 
     rope: RopePhysics = field(default_factory=RopePhysics)
@@ -104,6 +105,7 @@ class WorldPhysics:
     contact_time_s: float = 0.006
     friction_stiffness: float = 10.0
     finger_length_m: float = 0.12
+    bulk_pa: float = 4e4
 
     @property
     def segments(self) -> int:
@@ -119,6 +121,8 @@ BEAN_WORLD: Final = WorldPhysics(table_friction=0.4)
 """Nominal physics of beans on a table."""
 CLOTH_WORLD: Final = WorldPhysics(table_friction=0.5, finger_friction=0.8)
 """Nominal physics of a cloth in a gripper."""
+LIQUID_WORLD: Final = WorldPhysics(table_friction=0.4)
+"""Nominal physics of a liquid in bowls."""
 
 
 _LENGTH_M, _RADIUS_M = 0.40, 0.008

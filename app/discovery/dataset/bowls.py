@@ -1,0 +1,59 @@
+"""Two bowls, and the share of a liquid that is in each, as cameras and their reconstruction show it."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from app.core.geometry.bowls import cap_surface_m2
+from app.core.types import Points
+
+_OUTSIDE_M = 0.003
+"""Distance from the outside of a bowl within which a particle is in it: particles are centres of matter."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PouredBowls:
+    """A bowl in the hand and one that stands; radii are inner ones, `volume_m3` is that of all liquid."""
+
+    held_radius_m: float
+    place_m: tuple[float, float, float]
+    radius_m: float
+    wall_m: float
+    volume_m3: float
+
+    def holds(self, points: Points, tool_m: Float64[np.ndarray, "3"]) -> Bool[np.ndarray, " N"]:
+        """Mask of the points in a held bowl with its centre at `tool_m`."""
+        return _within(points, tool_m, self.held_radius_m + self.wall_m)
+
+    def inside(self, points: Points) -> Bool[np.ndarray, " N"]:
+        """Mask of the points in the bowl that stands."""
+        return _within(points, np.array(self.place_m), self.radius_m + self.wall_m)
+
+    def share(self, points: Points) -> float:
+        """Share of the liquid in the bowl that stands."""
+        return float(self.inside(points).mean())
+
+    def rise(self, share: float, by_m: float) -> float:
+        """Share by which a liquid of this `share` in it seems more where its level is seen too high by `by_m`."""
+        if share <= 0:
+            return 0.0  # No level is seen in an empty bowl.
+        return cap_surface_m2(share * self.volume_m3, self.radius_m) * by_m / self.volume_m3
+
+    def with_share(self, points: Points, share: float) -> Points:
+        """The points, as many of them moved from or to the bowl that stands as makes its share this one."""
+        inside = np.flatnonzero(self.inside(points))
+        wanted = round(min(max(share, 0.0), 1.0) * len(points))
+        moved = points.copy()
+        if wanted > len(inside):
+            others = np.setdiff1d(np.arange(len(points)), inside)
+            moved[others[: wanted - len(inside)]] = self.place_m
+        else:
+            moved[inside[: len(inside) - wanted]] = np.add(self.place_m, (0.0, 0.0, 4 * self.radius_m))
+        return moved
+
+
+def _within(points: Points, centre: Float64[np.ndarray, "3"], radius_m: float) -> Bool[np.ndarray, " N"]:
+    return np.linalg.norm(points - centre, axis=1) < radius_m + _OUTSIDE_M

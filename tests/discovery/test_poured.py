@@ -1,0 +1,109 @@
+"""Liquids: what is compared of them, the causes they are asked about, and what a camera's error does to a level."""
+
+import numpy as np
+import pytest
+
+from app.core.geometry.track import Track
+from app.core.types import Points
+from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M
+from app.discovery.residuals.poured_rows import assemble_contents
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import PushParticles, prepare
+from app.jobs.discovery_subject import subject_of
+from app.policy.random_pours import beside, random_pour
+from app.tasks import load
+from app.tasks.elements.pouring import pool_points
+
+TASK = load("pour_water")
+SUBJECT = subject_of(TASK)
+assert SUBJECT.bowls is not None
+BOWLS, COUNT = SUBJECT.bowls, SUBJECT.particle_count
+SLOT_S = 10.0
+
+
+def water(share: float, held_m: np.ndarray) -> Points:
+    """So much of the water at rest in the fixed bowl, the rest in one held at `held_m`."""
+    whole = pool_points(BOWLS.held_radius_m, BOWLS.volume_m3, 4 * COUNT)[:COUNT] * 0.5
+    poured = round(share * COUNT)
+    drop = np.array([0.0, 0.0, -0.02])
+    return np.concatenate([whole[:poured] + drop + BOWLS.place_m, whole[poured:] + drop + held_m]).astype(np.float32)
+
+
+def study_of(*shares: tuple[float, float]) -> Study:
+    """A pour for each share before and after it."""
+
+    def push(k: int, before: float, after: float) -> Push:
+        start = np.array([*beside((0.55, 0.0), 1.0 + k), 0.144])
+        rng = np.random.default_rng(k)
+        motion = random_pour(rng, start, (0.55, 0.0), volume_m3=100e-6, radius_m=BOWLS.held_radius_m)
+        track = motion.track(start_s=SLOT_S * k + 1.0)
+        views = [
+            ProjectionView(time_s=at, points=water(share, place))
+            for at, share, place in (
+                (SLOT_S * k, before, track.positions[0]),
+                (track.times_s[0] + motion.midway_s, before, track.positions[0]),
+                (track.end_s + 1.0, after, track.positions[-1]),
+            )
+        ]
+        return Push(
+            episode=k, before=views[0], during=(views[1],), after=views[2], command=track, measured=Track(**vars(track))
+        )
+
+    return Study(task=TASK.name, pushes=tuple(push(k, *pair) for k, pair in enumerate(shares)))
+
+
+def test_causes_of_the_table_are_not_asked_about_and_those_of_liquids_are() -> None:
+    causes = {cause.name for cause in SUBJECT.catalogue().causes}
+    assert {"liquid_viscosity", "shear_thinning", "adhesion", "table_tilt", "tcp_offset", "command_delay"} <= causes
+    assert not causes & {"friction_map", "stribeck", "cohesion", "mass_heterogeneity", "mask_erosion", "draught"}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_the_share_of_a_liquid_in_the_bowl_that_stands_is_counted_and_can_be_another(share: float) -> None:
+    points = water(share, np.array([0.42, 0.05, 0.144]))
+    assert BOWLS.share(points) == pytest.approx(share, abs=1e-6)
+    assert BOWLS.share(BOWLS.with_share(points, 0.6)) == pytest.approx(0.6, abs=2 / COUNT)
+    assert BOWLS.share(BOWLS.with_share(points, share)) == pytest.approx(share, abs=1e-6)
+
+
+def test_what_is_compared_is_how_much_more_was_poured_than_was_predicted() -> None:
+    trials = prepare(study_of((0.0, 0.3), (0.3, 0.7)), SUBJECT)
+    place = np.array([0.42, 0.05, 0.144])
+
+    def both(first: float, second: float) -> PushParticles:
+        clouds = np.stack([water(first, place), water(second, place)])
+        return PushParticles(clouds, clouds)
+
+    lost = both(0.2, 0.7)
+    lost.after[1] = np.nan
+    ends = [(both(0.4, 0.8), both(0.2, 0.7)), (lost, lost)]
+    found = assemble_contents(trials, BOWLS, both(0.2, 0.6), ends, [2.0, 1.0], [both(0.3, 0.6)])
+    after = slice(CONTENTS, 2 * CONTENTS)
+    assert found.r[:, after].ravel() == pytest.approx([WHOLE_M * 0.05, WHOLE_M * 0.1], abs=1e-3)
+    assert found.J[:, after, 0].ravel() == pytest.approx([WHOLE_M * 0.1, WHOLE_M * 0.05], abs=1e-3)
+    assert not found.J[:, after, 1].any()
+    assert found.known[:, after].all()
+    assert not found.known[:, :CONTENTS].any()
+
+
+def test_a_camera_that_sees_too_high_sees_more_poured_as_far_as_it_did_not_before() -> None:
+    trials, known = prepare(study_of((0.0, 0.3), (0.3, 0.3)), SUBJECT), SUBJECT.catalogue()
+    predictor, higher = Predictor(SUBJECT, known), known.nominal(SUBJECT)
+    higher[known.column("hand_eye_z")] = 0.003
+    share, same = (BOWLS.share(predictor.observe_level(trials, k, trials.observed.after[k], higher)) for k in range(2))
+    # The level of 36 ml is 43 mm below the rim's plane: about 57 square centimetres, of which 3 mm are 17 ml.
+    assert share == pytest.approx(0.3 + 0.14, abs=0.03)
+    assert same == pytest.approx(0.3, abs=2 / COUNT)
+
+
+def test_models_that_differ_in_cameras_and_in_what_the_arm_measures_are_one_simulation() -> None:
+    trials, known = prepare(study_of((0.0, 0.3)), SUBJECT), SUBJECT.catalogue()
+    predictor, plain = Predictor(SUBJECT, known), known.nominal(SUBJECT)
+    seen, late, moved = plain.copy(), plain.copy(), plain.copy()
+    seen[known.column("depth_bias")] = 0.004
+    late[known.column("command_delay")] = 0.1
+    moved[known.column("tcp_x")] = 0.003
+    jobs = [(q, 0) for q in range(4)]
+    alike = predictor.group_alike(trials, jobs, [plain, seen, late, moved])
+    assert dict(alike) == {(0, 0): jobs[:3], (3, 0): jobs[3:]}
