@@ -44,7 +44,7 @@ def _advice(case: Case, model: Path) -> Iterator[str]:
         yield "Until then keep the model as it is: no cause is sure enough to be added to it."
     else:
         yield f"Nothing has to be mended. The refitted model is saved beside this report: {_run(case, model)}"
-        yield "How large a cause could be without having shown is in section 9; more pushes show smaller ones."
+        yield "“What would be visible” says how large a cause could be unseen; more motions show smaller ones."
 
 
 def _run(case: Case, model: Path) -> str:

@@ -85,7 +85,7 @@ def scope(case: Case) -> Markup:
     if not case.limits:
         lacks = "Amount and variety of these data do not forbid a verdict."
         if case.verdict == "none" and is_missing_something(case):
-            lacks += " They are too few for a sure one: section 9 says how large a cause has to be to show in them."
+            lacks += " They are too few for a sure one: “What would be visible” says how large one has to be to show."
         return concat([listed, paragraph(lacks)])
     limits = (
         tag("li", tag("b", limit.text), " ", limit.consequence, class_="fatal" if limit.fatal else None)
