@@ -47,11 +47,11 @@ def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -
             "l",
             lambda: slope(log, 1),
         ),
-        ("camera's clock", "By how much the seen finger is ahead of its stamp.", "s", "f", lambda: slope(finger, 2)),
+        ("camera's clock", "By how much the seen tool is ahead of its stamp.", "s", "f", lambda: slope(finger, 2)),
     ]
     for axis, name in enumerate("xyz"):
-        about_it = f"Where the cameras see the finger against where the arm says it is, along {name}."
-        makers.append((f"finger, {name}", about_it, "m", "f", lambda axis=axis: rows.r[:, finger][:, axis]))
+        about_it = f"Where the cameras see the tool against where the arm says it is, along {name}."
+        makers.append((f"tool, {name}", about_it, "m", "f", lambda axis=axis: rows.r[:, finger][:, axis]))
     makers.append(
         ("table's height", "Of the bare table as seen, above z = 0.", "m", "t", lambda: rows.r[:, table][:, 0])
     )
