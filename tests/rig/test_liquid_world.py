@@ -1,5 +1,6 @@
 """The laws of the simulated liquids: what is held stays, what is carried comes along, what is tilted pours."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,10 +11,11 @@ from app.core.errors import SimulationError
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.worlds.liquid_world import LiquidWorld
+from app.rig.simulated.worlds.liquid_world import DT_S, LiquidWorld
 from app.rig.simulated.worlds.world import Nodes
 from app.tasks import Task, load
 
+ARM_S = 0.01
 both = pytest.mark.parametrize("name", ["pour_water", "pour_soup"])
 
 
@@ -46,6 +48,20 @@ def over_the_target(name: str) -> ToolPose:
     """Pose of a bowl whose lip, once it is tilted forward by 100 degrees, is over the target's middle."""
     x, y, z = task(name).stage.fixtures[0].place_m
     return pointing_down(np.array([x - 0.02, y, z + 0.10]))
+
+
+@both
+def test_a_world_of_the_usual_drops_has_its_own_time_steps(name: str) -> None:
+    assert world(name).period_s == pytest.approx(DT_S)
+
+
+@pytest.mark.parametrize("drops", [600, 1000, 1500])
+def test_fewer_drops_have_longer_steps_of_which_a_period_of_the_arm_is_a_whole_number(drops: int) -> None:
+    water = replace(task("pour_water").stage.body, drops=drops)
+    stage, problems = task("pour_water").stage, replace(task("pour_water").problems, liquid=water)
+    steps = ARM_S / LiquidWorld(replace(stage, body=water), problems.start(0)).period_s
+    assert steps == pytest.approx(round(steps))
+    assert steps < ARM_S / DT_S
 
 
 @pytest.mark.slow

@@ -40,6 +40,8 @@ from app.sim.tools.box import BoxCollider
 
 CELL_M, DT_S = 0.0075, 4e-4
 """Cells and time step of a liquid of as many drops as usual; of fewer, both are as much longer as their distances."""
+_PERIOD_S = 0.01
+"""A period of the arm, which is a whole number of time steps."""
 _CHUNKS = (25, 5, 1)
 """Substeps simulated at a time, each number compiled once: a period of the arm is 25."""
 _LOW_M, _HIGH_M, _CELLS_BELOW = (0.0525, -0.45), (1.0575, 0.45, 0.4275), 3
@@ -86,6 +88,11 @@ class LiquidWorld:
     def time_s(self) -> float:
         """The world's own time [s]."""
         return self._start_s + self._steps * self._dt_s
+
+    @property
+    def period_s(self) -> float:
+        """Its time step [s]."""
+        return self._dt_s
 
     @property
     def tool(self) -> ToolPose:
@@ -188,13 +195,13 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int, physic
                 pass
             case _:
                 raise TypeError(f"The world of a liquid knows bowls and blocks, not a {type(each).__name__}.")
-    apart = _apart(body.liquid if isinstance(body, Soup) else body)
+    apart = _apart(body)
     cell_m = CELL_M * apart
     return Scene(
         low=(*_LOW_M, -_CELLS_BELOW * cell_m),
         high=_HIGH_M,
         cell_m=cell_m,
-        dt_s=DT_S * apart,
+        dt_s=_PERIOD_S / round(_PERIOD_S / (DT_S * apart)),
         damping_1_s=_DAMPING_1_S,
         contact_margin_m=0.5 * spacing,
         contact_width_m=0.0008,
@@ -203,9 +210,9 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int, physic
     )
 
 
-def _apart(liquid: Liquid) -> float:
-    """Distance of its drops over that of as many as usual."""
-    return float(np.cbrt(Liquid.drops / liquid.drops))
+def _apart(body: Liquid | Soup) -> float:
+    """Distance of its drops over that of as many as usual; a soup's are always as many."""
+    return float(np.cbrt(Liquid.drops / body.drops)) if isinstance(body, Liquid) else 1.0
 
 
 def _bodies(body: Liquid | Soup, bulk_pa: float) -> list[Body]:
