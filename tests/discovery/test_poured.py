@@ -67,6 +67,16 @@ def test_the_share_of_a_liquid_in_the_bowl_that_stands_is_counted_and_can_be_ano
     assert BOWLS.share(BOWLS.with_share(points, share)) == pytest.approx(share, abs=1e-6)
 
 
+@pytest.mark.parametrize("x", [0.52, 0.55])
+def test_water_in_a_bowl_that_is_held_over_the_other_is_not_poured(x: float) -> None:
+    held_m = np.array([x, 0.0, 0.144])
+    points = water(0.0, held_m)
+    assert np.linalg.norm(points - BOWLS.place_m, axis=1).min() < BOWLS.radius_m
+    assert BOWLS.share(points) == 0.0
+    assert BOWLS.holds(points, held_m).all()
+    assert BOWLS.share(water(0.25, held_m)) == pytest.approx(0.25, abs=1e-6)
+
+
 def test_what_is_compared_is_how_much_more_was_poured_than_was_predicted() -> None:
     trials = prepare(study_of((0.0, 0.3), (0.3, 0.7)), SUBJECT)
     place = np.array([0.42, 0.05, 0.144])

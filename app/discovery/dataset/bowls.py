@@ -29,8 +29,9 @@ class PouredBowls:
         return _within(points, tool_m, self.held_radius_m + self.wall_m)
 
     def inside(self, points: Points) -> Bool[np.ndarray, " N"]:
-        """Mask of the points in the bowl that stands."""
-        return _within(points, np.array(self.place_m), self.radius_m + self.wall_m)
+        """Mask of the points in the bowl that stands, which is half of a ball: above its rim the other one is held."""
+        low = points[:, 2] < self.place_m[2] + _OUTSIDE_M
+        return low & _within(points, np.array(self.place_m), self.radius_m + self.wall_m)
 
     def share(self, points: Points) -> float:
         """Share of the liquid in the bowl that stands."""
