@@ -23,6 +23,7 @@ from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import apply_step
 from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.discovery.results.case import Example, Gain
+from app.sim.model.numerics import POUR_NUMERICS
 
 Clouds: TypeAlias = Float32[np.ndarray, "K N 3"]
 """The object after each push [m]."""
@@ -43,7 +44,7 @@ class Gained(NamedTuple):
 
 
 class Folds(NamedTuple):
-    """Nominal and extended models for each episode, fitted to the others."""
+    """Nominal and extended models for each episode, fitted to the others. Both have the same numerics of a liquid."""
 
     nominal: Mapping[int, Theta]
     extended: Mapping[int, Theta]
@@ -53,7 +54,7 @@ def measure_gain(
     predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel | None
 ) -> Gained:
     """Errors over one push and over several, with and without the extension."""
-    folds = _folds(predictor, screening, model)
+    folds = folds_of(predictor, screening, model)
     planned = _as_planned(trials)
     ends = [_predict(predictor, planned, folds.nominal)]
     ends.append(ends[0] if model is None else _predict(predictor, planned, folds.extended))
@@ -82,17 +83,19 @@ def measure_gain(
     )
 
 
-def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | None) -> Folds:
-    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
-    own = [n for n, step in enumerate(screening.steps) if step.cause in calibrated]
-    data, variance = screening.data, screening.prior.variance[own]
+def folds_of(predictor: Predictor, screening: Screening, model: RefinedModel | None) -> Folds:
+    """The models of each episode, as the others have them; without a model, the extended one is the nominal one."""
+    catalogue, subject = predictor.catalogue, predictor.subject
+    fitted = {*subject.calibrated, *(POUR_NUMERICS if subject.kind.is_poured else ())}
+    own = [n for n, step in enumerate(screening.steps) if step.cause in fitted]
+    data, prior = screening.data, screening.prior
     nominal = dict[int, Theta]()
     for number in np.unique(data.episode).tolist():
         rest = data.without(number)
         if not own:
             nominal[number] = screening.about
             continue
-        fit = fit_mixed_effects(replace(rest, J=rest.J[:, :, own]), variance)
+        fit = fit_mixed_effects(replace(rest, J=rest.J[:, :, own]), prior.variance[own], prior.mean[own])
         theta = screening.about
         for n, share in zip(own, np.clip(fit.theta, -1, 1), strict=True):
             theta = apply_step(catalogue, theta, screening.steps[n], float(share))
@@ -100,6 +103,10 @@ def _folds(predictor: Predictor, screening: Screening, model: RefinedModel | Non
     if model is None:
         return Folds(nominal, nominal)
     extended = {number: theta_of(catalogue, model, shares) for number, shares in left_out_thetas(model).items()}
+    numerics = [step.column for step in screening.steps if step.cause in POUR_NUMERICS]
+    for number, theta in extended.items():
+        extended[number] = theta.copy()
+        extended[number][numerics] = nominal[number][numerics]
     return Folds(nominal, extended)
 
 
