@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
+from app.core.types import Points
 from app.discovery.inference.screen import Screening, screening_about
 from app.discovery.residuals.poured_contents import CONTENTS
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.sensitivity import steps_of
-from app.discovery.results.gain import folds_of
-from app.jobs.discovery_subject import subject_of
-from app.tasks import load
+from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, prepare
+from app.discovery.results.gain import folds_of, measure_gain
 from tests.discovery.exact import exact_model
+from tests.discovery.pours import SUBJECT, study_of, water
 
-SUBJECT = subject_of(load("pour_water"))
 KNOWN = SUBJECT.catalogue()
 PREDICTOR = Predictor(SUBJECT, KNOWN)
 OUTFLOW = KNOWN.column("outflow")
@@ -22,11 +22,11 @@ ODD = EPISODES - 1
 """The episode in which more flows out than in the others."""
 
 
-def screened(outflow: float) -> Screening:
+def screened(outflow: float, pours: int = POURS) -> Screening:
     """Screening about a model with this outflow, of pours in which it is 0.2, and 1.2 in the odd episode."""
     about, steps = KNOWN.nominal(SUBJECT), [step for step in steps_of(KNOWN, (), {}) if step.cause == "outflow"]
     about[OUTFLOW] = outflow
-    episode = np.repeat(np.arange(EPISODES), POURS)
+    episode = np.repeat(np.arange(EPISODES), pours)
     slopes = np.zeros((len(episode), 2 * CONTENTS, 1))
     slopes[:, CONTENTS:] = np.random.default_rng(0).uniform(0.01, 0.03, (len(episode), CONTENTS, 1))
     true = np.where(episode == ODD, 1.2, 0.2)
@@ -50,3 +50,22 @@ def test_what_flows_out_is_fitted_to_the_other_episodes(outflow: float) -> None:
     assert set(folds.extended) == set(folds.nominal)
     for number, theta in folds.extended.items():
         assert theta[OUTFLOW] == folds.nominal[number][OUTFLOW]
+
+
+def predict_as(monkeypatch: pytest.MonkeyPatch, clouds: list[Points]) -> None:
+    """Predictions of every model: that pours end in these clouds."""
+
+    def predict(_: Predictor, trials: SimulationBatch, thetas: list[object], **_more: object) -> PushParticles:
+        ends = np.broadcast_to(np.stack(clouds[: len(trials)]), (len(thetas), len(trials), *clouds[0].shape))
+        return PushParticles(ends, ends)
+
+    monkeypatch.setattr(Predictor, "__call__", predict)
+
+
+def test_pours_are_not_chained_as_an_observation_of_a_liquid_is_no_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares, place = [(0.0, 0.3), (0.3, 0.7)] * EPISODES, np.array([0.42, 0.05, 0.144])
+    predict_as(monkeypatch, [water(after - 0.1, place) for _, after in shares])
+    trials = prepare(study_of(*shares, pours=2), SUBJECT)
+    found = measure_gain(PREDICTOR, trials, screened(0.2, pours=2), None)
+    assert found.steps.shape == (1, 2)
+    assert found.gain.nominal_mm == pytest.approx(10.0, abs=0.5)

@@ -44,7 +44,10 @@ class PouredBowls:
         return cap_surface_m2(share * self.volume_m3, self.radius_m) * by_m / self.volume_m3
 
     def with_share(self, points: Points, share: float) -> Points:
-        """The points, as many of them moved from or to the bowl that stands as makes its share this one."""
+        """The points, as many of them moved from or to the bowl that stands as makes its share this one.
+
+        For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be.
+        """
         inside = np.flatnonzero(self.inside(points))
         wanted = round(min(max(share, 0.0), 1.0) * len(points))
         moved = points.copy()

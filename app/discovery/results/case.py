@@ -189,7 +189,7 @@ class Case:
     a `set`. `ranking` is everything that was weighed. `confusions[i][j]`: how often `confused[i]`, hidden in these
     very pushes, would have been taken for `confused[j]`. `about`: the refitted nominal model; `extended`: what is
     saved, and `estimated` the steps in which it was fitted, with their `covariance`. `per_episode`: one-step errors
-    [mm] (E, 2), nominal and extended; `steps`: the same over 1, 2, ... pushes.
+    [mm] (E, 2), nominal and extended; `steps`: the same over 1, 2, ... pushes, of a liquid over 1 alone.
     `spent_s`: seconds by stage.
     """
 

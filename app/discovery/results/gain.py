@@ -53,7 +53,7 @@ class Folds(NamedTuple):
 def measure_gain(
     predictor: Predictor, trials: SimulationBatch, screening: Screening, model: RefinedModel | None
 ) -> Gained:
-    """Errors over one push and over several, with and without the extension."""
+    """Errors over one push and over several, of a liquid over one alone, with and without the extension."""
     folds = folds_of(predictor, screening, model)
     planned = _as_planned(trials)
     ends = [_predict(predictor, planned, folds.nominal)]
@@ -143,7 +143,12 @@ def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
 def _further(
     predictor: Predictor, trials: SimulationBatch, folds: Folds, ends: Sequence[Clouds]
 ) -> list[Float64[np.ndarray, "2"]]:
-    """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
+    """Mean errors over two and more pushes, each begun where the one before it was predicted to end.
+
+    None of a liquid: what cameras would show of it is no place where it could be (`PouredBowls.with_share`).
+    """
+    if trials.bowls is not None:
+        return []
     episode = np.array([push.episode for push in trials.study.pushes])
     errors = list[Float64[np.ndarray, "2"]]()
     starts = [{k: (k, cloud) for k, cloud in enumerate(end)} for end in ends]

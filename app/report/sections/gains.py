@@ -16,10 +16,10 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 
 
 def gains(case: Case) -> Markup:
-    """The gain in words, and in three small figures."""
+    """The gain in words, and in up to three small figures."""
     drawn = [_bars(case.gain, unit_of(case))] if math.isfinite(case.gain.nominal_mm) else []
     drawn += [_pairs(case)] if np.isfinite(case.per_episode).any() and is_extended(case.gain) else []
-    drawn += [_steps(case)] if np.isfinite(case.steps).any() else []
+    drawn += [_steps(case)] if len(case.steps) > 1 and np.isfinite(case.steps).any() else []
     kinds = [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model")]
     key = legend([*kinds, ("extended", "extended model")] if is_extended(case.gain) else kinds)
     return concat([paragraph(gain_sentence(case.gain, unit_of(case)), "lead"), key, columns(*drawn, kind="three")])
