@@ -2,6 +2,9 @@
 
 The simulator, the planner and goals are in the true world frame, that of the robot's base. Clouds, and data compared
 with them, are in the frame of the cameras; motions are commands to the arm. Recordings hold both as they were.
+
+A reconstruction has a liquid in the bowls as it knows them. Errors of cameras raise or lower its level and move no
+cloud (docs/decisions/0029-poured.md); what is in the held bowl is where the arm has it.
 """
 
 from dataclasses import dataclass, replace
@@ -56,12 +59,14 @@ class Correction:
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
     def unproject(self, points: Points) -> Points:
-        """True position of the object that cameras observe here [m]."""
+        """True position of the object that cameras observe here [m]; of a liquid, which they do not move, the same."""
+        if self.predictor.subject.bowls is not None:
+            return points
         return self.predictor.unproject(points, self._eye(points), self.theta)
 
     def observe(self, points: Points) -> Points:
-        """Observed position of the object that truly is here [m]; non-finite as the input is."""
-        if not np.isfinite(points).all():
+        """Observed position of the object that truly is here [m]; non-finite as the input is. The same of a liquid."""
+        if self.predictor.subject.bowls is not None or not np.isfinite(points).all():
             return points
         return self.predictor.observe(points, self._eye(points), self.theta)
 
@@ -87,12 +92,21 @@ class Correction:
         return self.predictor.apply_errors(track, felt, self.theta, lambda _: True).positions
 
     def transition(self, seen: Transition) -> Transition:
-        """The true transition: positions of the object, and the tip's path in place of the measured one."""
+        """The true transition: positions of the object, and the tip's path in place of the measured one.
+
+        What is in a held bowl is where that truly is.
+        """
         before, after = self.unproject(seen.before), self.unproject(seen.after)
         executed, measured = seen.executed, len(seen.executed.measured) > 0
         track = Track(times_s=executed.times_s, poses=executed.made)
         felt = dragging(track, before, after, self.predictor.subject)
         made = self.predictor.apply_errors(track, felt, self.theta, lambda effect: not (effect.told and measured))
+        bowls = self.predictor.subject.bowls
+        if bowls is not None:
+            before, after = (
+                bowls.carry(points, track.positions[end], made.positions[end])
+                for points, end in ((before, 0), (after, -1))
+            )
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
 
     def _observed_branch(self, branch: Branch) -> Branch:

@@ -15,6 +15,7 @@ from app.jobs.apparatus_compensation import Correction, correction
 from app.jobs.worker_api import nominal_model
 from app.policy.base import PARKED_POSE
 from app.tasks import load
+from tests.discovery.pours import BOWLS, COUNT, water
 from tests.planner.table import SPACE, rope
 
 SITE = Site()
@@ -140,3 +141,27 @@ def test_a_transition_is_where_it_really_was() -> None:
     for shown, real in ((seen.before, true.before), (seen.after, true.after)):
         np.testing.assert_allclose(real, shown - np.float32([0, 0.005, 0]), atol=1e-6)
     np.testing.assert_array_equal(true.executed.made, seen.executed.made)
+
+
+def test_cameras_that_are_wrong_move_no_water_into_a_bowls_wall() -> None:
+    error = correction(replace(model(hand_eye_z=0.01, depth_bias=0.004), task="pour_water"))
+    seen = water(0.3, np.array([0.42, 0.05, 0.144]))
+    np.testing.assert_array_equal(error.unproject(seen), seen)
+    np.testing.assert_array_equal(error.observe(seen), seen)
+
+
+def test_water_in_the_hand_is_where_the_arm_truly_has_it() -> None:
+    error = correction(replace(model(tcp_z=0.004, hand_eye_z=0.01), task="pour_water"))
+    push = transition(measured=True)
+    poses = push.executed.measured + np.array([-0.1, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0])
+    ends = poses[[0, -1], :3]
+    executed = replace(push.executed, commanded=poses, measured=poses)
+    seen = replace(push, before=water(0.0, ends[0]), executed=executed, after=water(0.3, ends[1]))
+    true = error.transition(seen)
+    carried = true.executed.made[0, :3] - ends[0]
+    assert np.linalg.norm(carried) == pytest.approx(0.004, abs=1e-6)
+    np.testing.assert_allclose(true.before, seen.before + carried, atol=1e-6)
+    poured = round(0.3 * COUNT)
+    assert BOWLS.share(true.after) == pytest.approx(0.3, abs=1e-6)
+    np.testing.assert_array_equal(true.after[:poured], seen.after[:poured])
+    np.testing.assert_allclose(true.after[poured:], seen.after[poured:] + carried, atol=1e-6)

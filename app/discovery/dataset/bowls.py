@@ -33,6 +33,12 @@ class PouredBowls:
         low = points[:, 2] < self.place_m[2] + _OUTSIDE_M
         return low & _within(points, np.array(self.place_m), self.radius_m + self.wall_m)
 
+    def carry(self, points: Points, tool_m: Float64[np.ndarray, "3"], to_m: Float64[np.ndarray, "3"]) -> Points:
+        """The points, with those in a held bowl at `tool_m` moved as the bowl is moved to `to_m`."""
+        moved = points.copy()
+        moved[self.holds(points, tool_m) & ~self.inside(points)] += (to_m - tool_m).astype(points.dtype)
+        return moved
+
     def share(self, points: Points) -> float:
         """Share of the liquid in the bowl that stands."""
         return float(self.inside(points).mean())

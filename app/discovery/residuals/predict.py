@@ -243,12 +243,11 @@ class Predictor:
         stop = trials.stops_s[k] + (self.late_s(theta) if trials.bowls is None else 0.0)
         to_stop = self._tool(track, stop - step * np.arange(BLOCK * group.to_stop, -1, -1))
         to_end = self._tool(track, stop + step * np.arange(BLOCK * group.to_end + 1))
-        x = push.before.points.copy()
+        x = push.before.points
         if trials.bowls is None:
             x = self.unproject(x, eye, theta)
         else:  # A reconstruction has it in the bowls as it knows them; the held one takes what is in it along.
-            held = trials.bowls.holds(x, push.track.positions[0]) & ~trials.bowls.inside(x)
-            x[held] += (track.positions[0] - push.track.positions[0]).astype(np.float32)
+            x = trials.bowls.carry(x, push.track.positions[0], track.positions[0])
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
     def _tool(self, track: Track, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S T"]:
