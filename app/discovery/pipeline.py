@@ -70,7 +70,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     verdict, names = verdict_of(decision, limits, open_ended)
     model = _model(verdict, decision, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
-    left = max(open_ended.left.probability, decision.unknown)
+    left = float(np.maximum(open_ended.left.probability, decision.unknown))  # NaN where it was not looked for.
     with stages.stage("gain on episodes left out"):
         gain = measure_gain(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
@@ -228,6 +228,10 @@ def _rivals(
 
 def _gain_text(gain: Gain, kind: ObjectTraits) -> str:
     unit = "% of the liquid" if kind.is_poured else "mm"
+    if gain.nominal_mm == 0:
+        return (
+            "On episodes that it was not fitted to, the nominal model errs by nothing, so that nothing can be gained."
+        )
     return (
         f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {unit} a push where "
         f"the nominal one errs by {gain.nominal_mm:.1f} {unit} (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "

@@ -11,6 +11,7 @@ from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.sensitivity import steps_of
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, prepare
 from app.discovery.results.gain import folds_of, measure_gain
+from app.report.sections.verdict import gain_sentence
 from tests.discovery.exact import exact_model
 from tests.discovery.pours import SUBJECT, study_of, water
 
@@ -60,6 +61,24 @@ def predict_as(monkeypatch: pytest.MonkeyPatch, clouds: list[Points]) -> None:
         return PushParticles(ends, ends)
 
     monkeypatch.setattr(Predictor, "__call__", predict)
+
+
+def test_where_nothing_is_poured_the_model_has_no_error_and_nothing_is_gained(monkeypatch: pytest.MonkeyPatch) -> None:
+    place = np.array([0.42, 0.05, 0.144])
+    predict_as(monkeypatch, [water(0.3, place)] * EPISODES)
+    trials = prepare(study_of(*[(0.3, 0.3)] * EPISODES), SUBJECT)
+    gain = measure_gain(PREDICTOR, trials, screened(0.2, pours=1), None).gain
+    assert gain.nominal_mm == 0
+    assert np.isnan([gain.gain, gain.low, gain.high]).all()
+    assert "errs by nothing on 5 held-out episodes" in gain_sentence(gain)
+
+
+def test_an_interval_is_of_draws_in_which_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    place = np.array([0.42, 0.05, 0.144])
+    predict_as(monkeypatch, [water(0.3 + 0.1 * (k == ODD), place) for k in range(EPISODES)])
+    trials = prepare(study_of(*[(0.3, 0.3)] * EPISODES), SUBJECT)
+    gain = measure_gain(PREDICTOR, trials, screened(0.2, pours=1), None).gain
+    assert (gain.gain, gain.low, gain.high) == (0.0, 0.0, 0.0)
 
 
 def test_pours_are_not_chained_as_an_observation_of_a_liquid_is_no_beginning(monkeypatch: pytest.MonkeyPatch) -> None:

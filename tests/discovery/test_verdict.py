@@ -1,5 +1,6 @@
 """Verdicts: a decision becomes a named cause, a set or nothing, and never a name from data that cannot carry one."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from app.discovery.inference.refine import RefinedModel
 from app.discovery.residuals.forces import FORMULA, with_formula
 from app.discovery.results.case import CauseResult, Limit
 from app.discovery.results.verdict import estimates_of, sentences_of, verdict_of
-from app.discovery.unexplained.formula import AcceptedFormula, UnexplainedForce
+from app.discovery.unexplained.formula import NO_FORCE, AcceptedFormula, UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
@@ -98,6 +99,15 @@ def test_what_is_left_where_no_cause_was_accepted_is_none_of_these() -> None:
 def test_what_is_left_beside_a_named_cause_is_said_and_the_cause_keeps_its_name() -> None:
     assert verdict_of(SURE, [], MUCH_LEFT) == ("named", ("table_tilt",))
     assert "Something is left" in sentences_of("named", (), "", [], SURE.probabilities, 0.98, None)[-1]
+
+
+def test_where_no_force_was_looked_for_nothing_is_known_of_what_is_left_and_verdicts_are_as_without_it() -> None:
+    assert math.isnan(NO_FORCE.left.probability)
+    assert verdict_of(SURE, [], NO_FORCE) == verdict_of(SURE, [], NOTHING_LEFT)
+    unnamed = replace(SURE, accepted=None)
+    assert verdict_of(unnamed, [], NO_FORCE) == ("none", ())
+    said = sentences_of("named", (), "", [], SURE.probabilities, NO_FORCE.left.probability, None)
+    assert not any("Something is left" in text for text in said)
 
 
 def test_a_formula_that_is_better_than_every_cause_takes_their_place() -> None:

@@ -58,7 +58,8 @@ class CauseResult:
 class Gain:
     """One-step errors [mm] on episodes that the models were not fitted to, and the share of the error that is gone.
 
-    `nominal` is the refitted nominal model; `still` says that nothing moves. `low` and `high` are of the gain.
+    `nominal` is the refitted nominal model; `still` says that nothing moves. `low` and `high` are of the gain; all
+    three are NaN where the nominal model has no error.
     """
 
     still_mm: float
@@ -202,7 +203,7 @@ class Case:
     formula: Formula | None
     ranking: tuple[CauseResult, ...]
     leftover: float
-    """Probability that something acts which the causes of the verdict do not say."""
+    """Probability that something acts which the causes of the verdict do not say; NaN where it was not looked for."""
     confused: tuple[str, ...]
     confusions: Float64[np.ndarray, "C C"]
     arrows: ResidualField

@@ -72,7 +72,7 @@ def measure_gain(
             still_mm=float(still.mean()),
             nominal_mm=float(nominal),
             extended_mm=float(extended),
-            gain=float(1 - extended / nominal),
+            gain=float(1 - extended / nominal) if nominal > 0 else float("nan"),
             low=low,
             high=high,
             episodes=len(numbers),
@@ -174,9 +174,12 @@ def _further(
 
 
 def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
-    """Interval of the gain, 90 %: a bootstrap over episodes."""
+    """Interval of the gain, 90 %: a bootstrap over episodes, of those draws in which the nominal model errs at all."""
     rng = np.random.default_rng(0)
     drawn = per_episode[rng.integers(len(per_episode), size=(_DRAWS, len(per_episode)))].mean(1)
+    drawn = drawn[drawn[:, 0] > 0]
+    if not len(drawn):
+        return float("nan"), float("nan")
     low, high = np.quantile(1 - drawn[:, 1] / drawn[:, 0], [0.05, 0.95])
     return float(low), float(high)
 

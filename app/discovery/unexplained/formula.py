@@ -47,8 +47,8 @@ class UnexplainedForce(NamedTuple):
     found: AcceptedFormula | None
 
 
-NO_FORCE: Final = UnexplainedForce(ResidualTest(probability=0.0, by_chance=1.0), None)
-"""Result where none was looked for."""
+NO_FORCE: Final = UnexplainedForce(ResidualTest(probability=float("nan"), by_chance=float("nan")), None)
+"""Result where none was looked for: nothing is known of what is left, and a verdict is as where nothing is."""
 
 
 class _Rival(NamedTuple):

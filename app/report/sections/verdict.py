@@ -61,10 +61,10 @@ def probability(case: Case) -> tuple[float, str] | None:
         return min(chances), "that this is missing" if len(chances) == 1 else "for the least certain of them"
     if case.verdict == "set" and chances:
         return min(sum(chances), 1.0), "that it is one of these"
-    if not math.isfinite(case.leftover):
-        return None
     if case.verdict == "none" and is_missing_something(case):
         return _missing(case), "that something is missing"
+    if not math.isfinite(case.leftover):
+        return None
     if case.verdict == "none":
         return min(1 - case.leftover, 1 - _missing(case)), "that nothing is missing"
     return case.leftover, "that something else acts"
@@ -92,6 +92,11 @@ def unit_of(case: Case) -> str:
 
 def gain_sentence(gain: Gain, unit: str = "mm") -> str:
     """The gain in a sentence, or a note that it could not be measured."""
+    if gain.nominal_mm == 0 and gain.episodes > 0:
+        return (
+            f"Nothing can be gained: the refitted model errs by nothing on {gain.episodes} held-out episodes, one in "
+            f"which nothing moves by {decimal(gain.still_mm, 1)} {unit}."
+        )
     if not math.isfinite(gain.gain) or gain.episodes == 0:
         return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
     if not is_extended(gain):

@@ -16,7 +16,7 @@ from app.discovery.results.case import Case, Limit, ResidualField
 from app.report import write_report
 from app.report.page import SECTIONS, page
 from app.report.sections.advice import advice
-from app.report.sections.verdict import gain_sentence, headline
+from app.report.sections.verdict import chance, gain_sentence, headline
 from tests.ui.report.cases import CASES, a_set, blame, estimate, named, none
 
 every_case = pytest.mark.parametrize("case", [make() for make in CASES.values()], ids=list(CASES))
@@ -236,6 +236,15 @@ def test_a_verdict_that_names_nothing_says_how_sure_it_is_that_something_is_miss
     )
     assert said in headline(unsure)
     assert said in page(unsure)
+
+
+def test_where_nothing_was_looked_for_beyond_the_causes_no_probability_of_nothing_is_stated() -> None:
+    sure, unsure = (
+        replace(none(), limits=(), leftover=float("nan"), ranking=(blame("draught", "physics", "A draught.", it, 1.0),))
+        for it in (0.1, 0.7)
+    )
+    assert chance(sure) is None
+    assert chance(unsure) == ("70 %", "that something is missing")
 
 
 def test_a_model_that_was_not_extended_has_gained_nothing_and_nothing_is_said_of_a_share() -> None:
