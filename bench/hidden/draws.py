@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.core.geometry.scene_description import Beans, Body, Liquid, Rope
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope
 from app.discovery.dataset.model_under_test import Family
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
@@ -20,7 +20,12 @@ World: TypeAlias = Literal["own", "mujoco"]
 """The engine that makes the recordings: ours with other numerics, or another one."""
 WORLDS: tuple[World, ...] = ("own", "mujoco")
 
-BODIES: Mapping[str, type[Body]] = {"rope_push": Rope, "bean_sweep": Beans, "pour_water": Liquid}
+BODIES: Mapping[str, type[Body]] = {
+    "rope_push": Rope,
+    "bean_sweep": Beans,
+    "cloth_hang": Cloth,
+    "pour_water": Liquid,
+}
 """Class of each task's object."""
 NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""

@@ -5,11 +5,25 @@ import pytest
 
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
-from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, CaseDistribution, Making, drawn, kinds, outsiders
+from bench.hidden.draws import (
+    BODIES,
+    NONE,
+    SIZES,
+    TWO,
+    UNKNOWN,
+    WORLDS,
+    CaseDistribution,
+    Making,
+    drawn,
+    kinds,
+    outsiders,
+    real_size,
+)
 
 COUNT = 2000
 BLIND = Making(images=False)
 BEANS = Making(dynamics="mpm", images=False, task="bean_sweep")
+CLOTH = Making(dynamics="mpm", task="cloth_hang")
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -61,3 +75,20 @@ def test_in_beans_is_hidden_what_beans_can_have() -> None:
     assert {"rolling_resistance", "table_tilt", "command_delay", "tcp_offset"} <= set(inside)
     assert not {"mass_heterogeneity", "mask_erosion", "depth_scale"} & {*inside, *outside}
     assert "swirl" in outside
+
+
+def test_in_a_cloth_is_hidden_what_a_cloth_can_have() -> None:
+    assert CLOTH.worlds == ("mujoco",)
+    inside, outside = kinds("mujoco", CLOTH), outsiders("mujoco", CLOTH)
+    assert {"tcp_offset", "under_reach", "depth_scale"} <= set(inside)
+    assert not {"rolling_resistance", "liquid_viscosity"} & {*inside, *outside}
+
+
+@pytest.mark.parametrize("task", sorted(BODIES))
+def test_every_task_of_the_bench_hides_something_that_it_may_name(task) -> None:
+    making = Making(dynamics="rods" if task == "rope_push" else "mpm", task=task)
+    for world in making.worlds:
+        cases = [drawn(5, number, world, making) for number in range(20)]
+        hidden = [each for case in cases for each in case.hidden]
+        assert {each.effect for each in hidden} & set(kinds(world, making))
+        assert all(real_size(each, making.body) > 0 for each in hidden if each.effect in kinds(world, making))
