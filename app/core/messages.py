@@ -215,7 +215,7 @@ class Executed(Message):
     """Execution of an approved motion: commanded and measured tool poses, sampled at `times_s`.
 
     `measured` is empty in imported data without measured poses. `openings` [m] of the tool go with `made`; empty where
-    it stayed closed.
+    it has none, or they are unknown.
     """
 
     approved_id: MessageId

@@ -47,7 +47,8 @@ def read_study(
     that the first recording describes, if it describes any.
 
     Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
-    RecordingError where they hold no push or a cloud of too few points, and as `read_messages`.
+    RecordingError where they hold no push, a cloud of too few points, or no openings of a tool that opens, and as
+    `read_messages`.
     """
     if not paths:
         raise UsageError("Name at least one recording: dipac discover recordings/FILE.mcap")
@@ -193,19 +194,24 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
         before=view(_observed_at_s(before, transition.cause, episode, float(executed.times_s[0])), before),
         during=tuple(view(seen.time_s, seen.positions) for seen in _during(episode, executed, subject.low_m)),
         after=view(_observed_at_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
-        command=_track(executed, executed.commanded, subject),
-        measured=_track(executed, executed.measured, subject) if len(executed.measured) else None,
+        command=_track(episode.path, executed, executed.commanded, subject),
+        measured=_track(episode.path, executed, executed.measured, subject) if len(executed.measured) else None,
     )
 
 
-def _track(executed: Executed, poses: Poses, subject: Subject) -> Track:
-    """The tool's track, with the opening of a tool that opens; closed throughout where nothing is said of that.
+def _track(path: Path, executed: Executed, poses: Poses, subject: Subject) -> Track:
+    """The tool's track, with the opening of a tool that opens.
 
-    Openings are as measured, of a command as well: recordings have no others.
+    Openings are as measured, of a command as well: recordings have no others. Raises RecordingError where they have
+    none of a tool that opens.
     """
     if subject.tool_coordinates == _OPENS:
-        openings = executed.openings if len(executed.openings) else np.zeros(len(poses))
-        poses = np.concatenate([poses, openings[:, None]], axis=1)
+        if len(executed.openings) != len(poses):
+            raise RecordingError(
+                f"{path}: how far the gripper is open is not recorded, so when it held the object is unknown; give "
+                "recordings of `dipac run` or `dipac hide`."
+            )
+        poses = np.concatenate([poses, executed.openings[:, None]], axis=1)
     return Track(times_s=executed.times_s, poses=poses)
 
 

@@ -1,9 +1,12 @@
 """A carried cloth: what is compared of it, the causes it is asked about, and the hold as the simulator takes it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.core.geometry.track import Track
+from app.discovery.checks.data_consistency import contradictions
 from app.discovery.dataset.held_part import with_held_parts
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.displacement_field import SHEET_MODES, Basis, register
@@ -98,6 +101,46 @@ def test_the_part_between_the_fingers_is_added_where_they_are_closed_and_nowhere
     loose = Push(episode=0, before=before, during=(), after=before, command=track, measured=track)
     (same,) = with_held_parts(Study(task=TASK.name, pushes=(loose,)), FINGERS).pushes
     assert np.array_equal(same.before.points, x)
+
+
+@pytest.mark.parametrize("above_m", [0.05, 0.1, 0.3])
+def test_nothing_is_added_between_a_cloth_and_fingers_far_above_it(above_m: float) -> None:
+    assert FINGERS is not None
+    flat = hanging() * np.array([1.0, 1.0, 0.0], np.float32)
+    lifted = moved(study_of(flat, 1), above_m - AT[2])
+    (same,) = with_held_parts(lifted, FINGERS).pushes
+    assert np.array_equal(same.before.points, flat)
+
+
+def test_a_cloth_that_the_gripper_does_not_hold_to_the_end_is_no_carry() -> None:
+    study = study_of(hanging(), 12)
+    assert not [each for each in contradictions(study, SUBJECT) if "gripper" in each.text]
+    for wrong in (opened(study, 0, None), opened(study, -1, None), moved(study, 0.1)):
+        (fatal,) = [each for each in contradictions(wrong, SUBJECT) if each.fatal]
+        assert "open, or farther than 40 mm from the object, in 12 of 12 pushes" in fatal.text
+    closes = opened(study, 0, 2)
+    assert not [each for each in contradictions(closes, SUBJECT) if "gripper" in each.text]
+
+
+def opened(study: Study, begin: int, end: int | None) -> Study:
+    """The study with an open gripper in these samples of each carry."""
+    assert FINGERS is not None
+    pushes = list[Push]()
+    for push in study.pushes:
+        poses = push.command.poses.copy()
+        poses[begin:end, 7] = FINGERS.opening_m
+        track = replace(push.command, poses=poses)
+        pushes.append(replace(push, command=track, measured=track))
+    return replace(study, pushes=tuple(pushes))
+
+
+def moved(study: Study, up_m: float) -> Study:
+    """The study with the gripper so much higher."""
+    pushes = list[Push]()
+    for push in study.pushes:
+        track = replace(push.command, poses=push.command.poses + up_m * np.eye(8)[2])
+        pushes.append(replace(push, command=track, measured=track))
+    return replace(study, pushes=tuple(pushes))
 
 
 def test_a_cloth_is_simulated_in_the_hand_to_where_it_is_carried_and_open_fingers_leave_it() -> None:

@@ -166,3 +166,20 @@ def test_a_cloud_of_hardly_any_points_is_refused(make: Maker, tmp_path: Path) ->
     assert isinstance(made, Transition)
     with pytest.raises(RecordingError, match="5 points are too few"):
         study_of(tmp_path, [episode(make), *others, replace(made, before=made.before[:5], after=made.after[:5])])
+
+
+def test_a_cloth_is_read_where_the_openings_of_the_gripper_are_recorded_and_nowhere_else(
+    make: Maker, tmp_path: Path
+) -> None:
+    *seen, executed, made = push(make, 100.0)
+    assert isinstance(executed, Executed)
+    assert isinstance(made, Transition)
+    told = {True: np.full(500, 0.004), False: np.zeros(0)}
+    recordings = {
+        known: [episode(make, "cloth_hang"), *seen, replace(made, executed=replace(executed, openings=openings))]
+        for known, openings in told.items()
+    }
+    (carry,) = study_of(tmp_path / "known", recordings[True]).pushes
+    assert (carry.command.poses[:, 7] == 0.004).all()
+    with pytest.raises(RecordingError, match="how far the gripper is open is not recorded"):
+        study_of(tmp_path / "unknown", recordings[False])

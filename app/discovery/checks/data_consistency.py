@@ -5,7 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import KDTree
 
+from app.core.geometry.shapes.base import GripperFingers
 from app.core.types import Points
+from app.discovery.dataset.held_part import REACH_M
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import Push, Study
 from app.discovery.results.case import Limit
@@ -29,6 +31,8 @@ _OTHER, _DEVIATIONS = 0.08, 4.0
 _MEDIAN_TO_SD = 1.4826
 _SAME_M = 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
+_OPENING = 7
+"""Column of a pose that is the opening of a tool that opens."""
 _MILLI = 1e3
 
 
@@ -40,7 +44,10 @@ def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
     if subject.rods is not None:
         yield from _lengths(study, subject)
     yield from _clocks(study, subject)
-    yield from _contact(study, subject)
+    if subject.fingers is None:
+        yield from _contact(study, subject)
+    else:
+        yield from _hold(study, subject.fingers)
 
 
 def _size(study: Study, subject: Subject) -> Iterator[Limit]:
@@ -222,9 +229,34 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
     )
 
 
+def _hold(study: Study, fingers: GripperFingers) -> Iterator[Limit]:
+    """Motions in which the gripper does not hold the object from where it closed on to the end."""
+    pushes = study.pushes
+    lost = [number for number, push in enumerate(pushes, 1) if not _holds(push, fingers)]
+    if not lost:
+        return
+    consequence, fatal = "They teach nothing about the object", len(lost) > _SOME * len(pushes)
+    yield Limit(
+        text=(
+            f"The gripper is open, or farther than {_MILLI * REACH_M:.0f} mm from the object, in "
+            f"{_of(lost, len(pushes))}."
+        ),
+        consequence=f"{consequence}{', so no cause is named' if fatal else ''}: keep it in the gripper from the first "
+        "motion of an episode to the last.",
+        fatal=fatal,
+    )
+
+
+def _holds(push: Push, fingers: GripperFingers) -> bool:
+    """True if the gripper closes near the object, or is closed from the first, and stays closed to the end."""
+    poses = push.track.poses
+    closed = poses[:, _OPENING] <= fingers.closed_m
+    first = int(np.argmax(closed))
+    away_m, _ = KDTree(push.before.points).query(poses[first, :3])
+    return bool(closed[first:].all() and away_m <= REACH_M)
+
+
 def _how_to_touch(subject: Subject) -> str:
-    if subject.kind.is_in_space:
-        return "carry it in the gripper."
     return f"push through it, with the tip lower than {_MILLI * subject.low_m:.0f} mm over the table."
 
 

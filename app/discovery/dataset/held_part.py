@@ -12,6 +12,8 @@ from app.discovery.dataset.study import Push, Study
 
 _SPACING_M: Final = 0.008
 """Distance between points that are added: half of that between particles."""
+REACH_M: Final = 0.04
+"""Distance from the fingers to the cloth that is seen, beyond which they do not hold it."""
 _ACROSS: Final = 5
 """Points between the fingers, along their width."""
 
@@ -36,12 +38,16 @@ def _with_held_part(push: Push, fingers: GripperFingers) -> Push:
 def _between(
     x: Float64[np.ndarray, "N 3"], pose: Float64[np.ndarray, "8"], fingers: GripperFingers
 ) -> Float32[np.ndarray, "M 3"]:
-    """Points on the line between the fingers' tips, and from it to the nearest points that are seen."""
+    """Points on the line between the fingers' tips, and from it to the nearest points that are seen.
+
+    Only where these are within `REACH_M`.
+    """
     across = np.array([pose[4] ** 2 - pose[5] ** 2, 2 * pose[4] * pose[5], 0.0])
     line = pose[:3] + np.linspace(-1, 1, _ACROSS)[:, None] * fingers.half_m[0] * across
     away_m, nearest = KDTree(x).query(line)
-    parts = [line]
+    parts = [np.zeros((0, 3))]
     for begin, end, distance_m in zip(line, x[nearest], away_m, strict=True):
-        count = int(distance_m // _SPACING_M)
-        parts.append(begin + np.arange(1, count)[:, None] / max(count, 1) * (end - begin))
+        if distance_m <= REACH_M:
+            count = max(int(distance_m // _SPACING_M), 1)
+            parts.append(begin + np.arange(count)[:, None] / count * (end - begin))
     return np.concatenate(parts).astype(np.float32)
