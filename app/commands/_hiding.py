@@ -6,9 +6,9 @@ that starts at a fixed value. The same session gives the same bytes.
 
 import json
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, TypeAlias, final
 
@@ -227,45 +227,65 @@ class Scribe:
         return before, [*shown, before, _sighting(before, tool=_nothing(), table=table)]
 
     def after(self, before: Particles, take: PushSample, number: int) -> list[Message]:
-        """Messages observed and measured of push `number` once it is made."""
-        during, views = self._observe(take.during, _LOOKS * number + 1, before)
+        """Messages observed and measured of push `number` once it is made.
+
+        There is no view from its middle where the tool that holds the object hides it then.
+        """
+        during, views = self._during(before, take.during, _LOOKS * number + 1)
         after, _ = self._observe(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):
             pose = take.measured.poses_at(np.array([take.during.stamp_s]))[0]
             tool = find_tool(views, pose, self._task.stage.tool, self._how)
         executed = _execution(take, number, before)
+        seen = [] if during is None else [during, _sighting(during, tool=tool, table=_nothing())]
         return [
-            during,
-            _sighting(during, tool=tool, table=_nothing()),
+            *seen,
             executed,
             after,
             Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
-    def _observe(
-        self, look: StampedSnapshot, number: int, before: Particles | None = None
-    ) -> tuple[Particles, list[Frame]]:
-        """The object in new images; as it was `before` where the tool that holds it hides it in a motion."""
+    def _observe(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
+        """The object in new images."""
+        frames = self._images(look, number)
+        return self._particles(look, frames, number), frames
+
+    def _during(self, before: Particles, look: StampedSnapshot, number: int) -> tuple[Particles | None, list[Frame]]:
+        """The object in new images; None where the tool that holds it hides it.
+
+        In a bowl it is then as it was `before`: of what is poured no view in a motion is compared.
+        """
+        frames = self._images(look, number)
+        try:
+            return self._particles(look, frames, number), frames
+        except PerceptionError:
+            if look.told is None:
+                raise
+        if self._how.held is None:
+            return None, frames
+        causes = tuple(frame.id for frame in frames)
+        return replace(before, id=_particles_id(number), cause=causes, time_s=look.stamp_s), frames
+
+    def _images(self, look: StampedSnapshot, number: int) -> list[Frame]:
         with self._watch.on("images"):
-            frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
+            return self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
+
+    def _particles(self, look: StampedSnapshot, frames: Sequence[Frame], number: int) -> Particles:
         with self._watch.on("particles"):
-            try:
-                found = reconstruct(frames, self._how, look.told)
-                positions, surface = found.positions, found.surface
-            except PerceptionError:
-                if before is None or look.told is None:
-                    raise
-                positions, surface = before.positions, before.surface
-        particles = Particles(
-            id=MessageId(f"particles-{number:06d}"),
+            found = reconstruct(frames, self._how, look.told)
+        return Particles(
+            id=_particles_id(number),
             cause=tuple(frame.id for frame in frames),
             time_s=look.stamp_s,
-            positions=positions,
-            surface=surface,
+            positions=found.positions,
+            surface=found.surface,
             # A rehearsal takes none of the world's time.
             reconstruction_s=0.0,
         )
-        return particles, frames
+
+
+def _particles_id(number: int) -> MessageId:
+    return MessageId(f"particles-{number:06d}")
 
 
 def _sighting(particles: Particles, *, tool: Some, table: Some) -> Sighting:

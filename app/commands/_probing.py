@@ -109,12 +109,12 @@ class ProbedCell:
     async def learn(self, made: PushSample) -> None:
         """Record it, and let the next choice know what it did."""
         before, told = self._cell.record(made)
-        during, after = (self._view(message) for message in told if isinstance(message, Particles))
+        *during, after = (self._view(message) for message in told if isinstance(message, Particles))
         self._made.append(
             Push(
                 episode=made.episode,
                 before=self._view(before),
-                during=(during,),
+                during=tuple(during),
                 after=after,
                 command=made.command,
                 measured=made.measured,
