@@ -60,7 +60,7 @@ def read_study(
     setup, priors = _setup_of(episodes), () if description is None else description.priors
     subject, pushes, tables = subject_of(known, setup), list[Push](), dict[int, Cloud]()
     for path in dict.fromkeys(paths):
-        _look(path, [episode for episode in episodes if episode.path == path], known, subject.low_m)
+        _look(path, [episode for episode in episodes if episode.path == path], known, subject)
     now_s = -np.inf
     for number, episode in enumerate(episode for episode in episodes if episode.transitions):
         found = [_push(number, transition, episode, subject) for transition in episode.transitions]
@@ -144,7 +144,7 @@ def _episodes(path: Path) -> list[_Recorded]:
     return episodes
 
 
-def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -> None:
+def _look(path: Path, episodes: Sequence[_Recorded], task: Task, subject: Subject) -> None:
     """Add the sightings that a recording lacks: of the tool in views during pushes, of the table in the first view.
 
     A frame is behind one view at most.
@@ -155,8 +155,8 @@ def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -
         first = next((seen for seen in episode.particles if seen.cause), None)
         tables |= {first.id: first} if first is not None else {}
         for transition in episode.transitions:
-            made = Track(times_s=transition.executed.times_s, poses=transition.executed.made)
-            for seen in _during(episode, transition.executed, low_m):
+            made = _track(path, transition.executed, transition.executed.made, subject)
+            for seen in _during(episode, transition.executed, subject.low_m):
                 tools[seen.id] = (seen, made.poses_at(np.array([seen.time_s]))[0])
     found = look_beside(path, tools, tables, task) if read_cameras(path) else {}
     for episode in blind:

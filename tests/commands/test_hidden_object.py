@@ -12,6 +12,7 @@ from app.commands._hiding import PushRecordingConfig, Scribe, Stopwatch
 from app.core.errors import PerceptionError
 from app.core.geometry.track import Track
 from app.core.messages import Frame, Message, MessageId, Particles, Transition
+from app.core.types import Cloud
 from app.policy.random_carries import carry_design
 from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.rig.simulated.effect_sampling import mistune
@@ -51,8 +52,11 @@ def told(task: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Sequence[M
     def no_images(*_: Any, **__: Any) -> list[Frame]:
         return []
 
+    def no_tool(*_: Any) -> Cloud:
+        return np.zeros((0, 3), np.float32)
+
     monkeypatch.setattr(_hiding, "reconstruct", reconstruct)
-    monkeypatch.setattr(_hiding, "find_tool", lambda *_: np.zeros((0, 3), np.float32))
+    monkeypatch.setattr(_hiding, "find_tool", no_tool)
     monkeypatch.setattr(SimulatedCameras, "look", no_images)
     known = load(task)
     physics = mistune(0, body=find_testbed(known).body(known))

@@ -11,9 +11,11 @@ from app.core.errors import RecordingError, UsageError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, Particles, Sighting, Transition
 from app.discovery.dataset.study import Study
+from app.rig.simulated.cameras.simulated_cameras import SimulatedCameras
 from app.services.study import read_study
 from app.tasks import load
 from tests.perception.pushed import photographed, pushing
+from tests.perception.test_gripper_fit import holding
 from tests.recording.samples import Maker, record
 
 PUSH_M = load("rope_push").finger.push_height_m
@@ -127,6 +129,23 @@ def test_tool_and_table_are_looked_for_in_images_that_nobody_looked_at(make: Mak
     (finger,) = [view.finger for view in study.pushes[0].during if view.finger is not None]
     assert finger.mean(axis=0) == pytest.approx(snapshot.tip, abs=0.0015)
     assert len(study.tables[0]) == 400
+
+
+def test_the_gripper_is_looked_for_with_the_opening_that_was_recorded(make: Maker, tmp_path: Path) -> None:
+    snapshot = holding(0.3)
+    cameras = SimulatedCameras(load("cloth_hang").stage, (), 3)
+    frames = [replace(frame, time_s=103.5) for frame in cameras.look(snapshot, stamp_s=103.5, number=0)]
+    *seen, executed, made = push(make, 100.0)
+    assert isinstance(executed, Executed)
+    assert isinstance(made, Transition)
+    poses = np.tile(snapshot.tool[:7], (500, 1))
+    executed = replace(executed, commanded=poses, measured=poses, openings=np.full(500, snapshot.tool[7]))
+    causes = {103.5: tuple(frame.id for frame in frames)}
+    particles = [replace(message, cause=causes.get(message.time_s, ())) for message in seen]
+    recording = [episode(make, "cloth_hang"), *frames, *particles, executed, replace(made, executed=executed)]
+    (carry,) = study_of(tmp_path, recording).pushes
+    (gripper,) = [view.finger for view in carry.during if view.finger is not None]
+    assert gripper.mean(axis=0) == pytest.approx(snapshot.tip, abs=3e-3)
 
 
 def test_particles_that_are_not_in_the_recording_were_seen_when_the_motion_began_and_ended(
