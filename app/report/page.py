@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -23,6 +23,7 @@ from app.report.sections.model import saved_model, stage_times
 from app.report.sections.next_push import next_push
 from app.report.sections.powers import powers
 from app.report.sections.verdict import headline
+from app.sim.effects.base import ObjectKind
 
 SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("scope", "What was looked at", "How much there is, and what it cannot show.", scope),
@@ -41,8 +42,11 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
 """Sections of the page in the order of reading: anchor, title, question, and its answer."""
 
 
-_OVER_A_TABLE: Final = frozenset({"field", "frames", "next"})
-"""Sections that a liquid has none of: displacements over the table, and a push that would move it."""
+_OMITTED: Final[Mapping[ObjectKind, frozenset[str]]] = {
+    "cloth": frozenset({"next"}),
+    "liquid": frozenset({"field", "frames", "next"}),
+}
+"""Sections that a kind of object has none of: pushes of one that is not pushed, and displacements over the table."""
 
 
 def write_report(path: Path, case: Case) -> None:
@@ -58,7 +62,7 @@ def write_report(path: Path, case: Case) -> None:
 def page(case: Case, model: Path = MODEL) -> str:
     """The case file as HTML. `model`: the saved model's file."""
     script = _asset("report.js")
-    own = [entry for entry in SECTIONS if case.kind != "liquid" or entry[0] not in _OVER_A_TABLE]
+    own = [entry for entry in SECTIONS if entry[0] not in _OMITTED.get(case.kind, frozenset())]
     links = [(at, title) for at, title, _, _ in own]
     parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(own, 1)]
     head = tag(

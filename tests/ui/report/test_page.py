@@ -262,3 +262,11 @@ def test_a_liquid_is_shown_from_the_side_in_hundredths_of_it_and_not_over_the_ta
     assert "height [m]" in text
     assert "y [m]" not in text
     assert "pushes are predicted one after another" not in text
+
+
+def test_of_a_cloth_no_push_is_spoken_of_as_none_is_designed() -> None:
+    reader = read(replace(named(), kind="cloth", next_push=None))
+    ids, text = {attributes.get("id") for _, attributes in reader.tags}, " ".join(reader.text)
+    assert "next" not in ids
+    assert {"field", "frames", "examples"} <= ids
+    assert "nothing left" not in text
