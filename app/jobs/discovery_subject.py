@@ -71,7 +71,10 @@ def subject_of(
         case _, Pushes():
             pass
         case _:
-            raise UsageError(f"Discovery reads pushes, sweeps, carries of a cloth and pours; {task.name} has none.")
+            raise UsageError(
+                f"Discovery reads pushes of a rope, sweeps, carries of a cloth and pours of water; {task.name} is "
+                "another task."
+            )
     rods = task.rods if task.dynamics == "rods" else None
     causes = _first_parameters_of_causes()
     low_m, unsaid = task.actions.height_m + LOW_ENOUGH_M, frozenset[str]()

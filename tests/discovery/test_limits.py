@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.track import Track
+from app.discovery.checks.data_consistency import contradictions
 from app.discovery.checks.limits import limits_of
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.results.case import Limit
@@ -207,3 +208,11 @@ def coiled_up(push: Push) -> Push:
     ring = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), np.zeros(200)], 1) + push.before.points.mean(0)
     x = fill_tube(ring, TASK.rope.radius_m, 300)
     return replace(push, before=replace(push.before, points=x), after=replace(push.after, points=x + MOVED))
+
+
+def test_to_those_who_pour_nothing_is_said_of_pushes_with_a_tip() -> None:
+    far = each(lambda push: unmoved(aside(push)))
+    (fatal,) = [limit for limit in contradictions(far, subject_of(load("pour_water"))) if limit.fatal]
+    assert "never came within" in fatal.text
+    assert "begin each motion with the liquid in the bowl that is held" in fatal.consequence
+    assert "tip" not in fatal.consequence

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.core.errors import UsageError
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.study import Study
 from app.discovery.residuals.predict import Predictor
@@ -12,6 +13,7 @@ from app.discovery.residuals.simulation_batch import prepare
 from app.jobs.discovery_subject import doubted_in, subject_of
 from app.policy.random_pushes import PushDesign
 from app.sim.model.params import index
+from app.tasks import load
 from bench.hidden.ropes import RopeCase
 
 CASE = RopeCase(seed=7001, plan=PushDesign(episodes=2, pushes=3))
@@ -52,3 +54,8 @@ def test_pushes_of_a_rope_that_is_stiffer_than_that_bears_doubt_the_one_of_stiff
     found = doubted_in(replace(study, pushes=pushes), CASE.task).subject
     assert found.rods == stiff.rods
     assert found.nominal[STIFFNESS] >= stiff.nominal[STIFFNESS]
+
+
+def test_a_task_of_soup_is_refused_as_another_one_than_those_that_are_read() -> None:
+    with pytest.raises(UsageError, match="pours of water; pour_soup is another task"):
+        subject_of(load("pour_soup"))

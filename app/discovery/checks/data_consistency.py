@@ -257,6 +257,8 @@ def _holds(push: Push, fingers: GripperFingers) -> bool:
 
 
 def _how_to_touch(subject: Subject) -> str:
+    if subject.kind.is_poured:
+        return "begin each motion with the liquid in the bowl that is held, and pour."
     return f"push through it, with the tip lower than {_MILLI * subject.low_m:.0f} mm over the table."
 
 
