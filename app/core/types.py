@@ -1,6 +1,6 @@
 """Shapes as types. Axis letters: B candidates, N particles, M cloud points, W waypoints, T samples in time."""
 
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, UInt8, UInt16
@@ -23,6 +23,8 @@ Poses: TypeAlias = Float64[np.ndarray, "T 7"]
 """x y z [m], quaternion w x y z; the tool tip in the world frame."""
 ToolPose: TypeAlias = Float64[np.ndarray, "8"]
 """x y z [m], quaternion w x y z, opening [m] of the tool: how far its fingers are apart, 0 where it has none."""
+OPENING: Final = 7
+"""Place of the opening in a `ToolPose`, and in rows of a track that has it."""
 Centreline: TypeAlias = Float32[np.ndarray, "2 n"]
 """x and y [m] of a rope's nodes in their order; n = 0 where unknown, and for other objects."""
 ToolPath: TypeAlias = Float64[np.ndarray, "T 8"]

@@ -77,11 +77,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
         platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
-        ahead = (
-            None
-            if trials.kind.is_poured
-            else next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
-        )
+        ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
     confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
     gained = _gain_text(gain.gain, subject.kind)

@@ -15,7 +15,7 @@ from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.task_name import recorded_name
-from app.core.types import Cloud, Points, Poses
+from app.core.types import OPENING, Cloud, Points, Poses
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.jobs.discovery_subject import subject_of
@@ -27,8 +27,6 @@ from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.descriptions import with_appearance
 
-_OPENS = 8
-"""Coordinates of a tool that opens."""
 _BETWEEN_S = 10.0
 """Gap from the end of an episode to the start of one whose clock began anew."""
 
@@ -205,7 +203,7 @@ def _track(path: Path, executed: Executed, poses: Poses, subject: Subject) -> Tr
     Openings are as measured, of a command as well: recordings have no others. Raises RecordingError where they have
     none of a tool that opens.
     """
-    if subject.tool_coordinates == _OPENS:
+    if subject.tool_coordinates > OPENING:
         if len(executed.openings) != len(poses):
             raise RecordingError(
                 f"{path}: how far the gripper is open is not recorded, so when it held the object is unknown; give "

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from app.core.geometry.shapes.base import GripperFingers
-from app.core.types import Points
+from app.core.types import OPENING, Points
 from app.discovery.dataset.held_part import REACH_M
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import Push, Study
@@ -31,8 +31,6 @@ _OTHER, _DEVIATIONS = 0.08, 4.0
 _MEDIAN_TO_SD = 1.4826
 _SAME_M = 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
-_OPENING = 7
-"""Column of a pose that is the opening of a tool that opens."""
 _MILLI = 1e3
 
 
@@ -250,7 +248,7 @@ def _hold(study: Study, fingers: GripperFingers) -> Iterator[Limit]:
 def _holds(push: Push, fingers: GripperFingers) -> bool:
     """True if the gripper closes near the object, or is closed from the first, and stays closed to the end."""
     poses = push.track.poses
-    closed = poses[:, _OPENING] <= fingers.closed_m
+    closed = poses[:, OPENING] <= fingers.closed_m
     first = int(np.argmax(closed))
     away_m, _ = KDTree(push.before.points).query(poses[first, :3])
     return bool(closed[first:].all() and away_m <= REACH_M)

@@ -8,6 +8,7 @@ from jaxtyping import Float32, Float64
 from scipy.spatial import KDTree
 
 from app.core.geometry.shapes.base import GripperFingers
+from app.core.types import OPENING
 from app.discovery.dataset.study import Push, Study
 
 _SPACING_M: Final = 0.008
@@ -26,7 +27,7 @@ def with_held_parts(study: Study, fingers: GripperFingers) -> Study:
 def _with_held_part(push: Push, fingers: GripperFingers) -> Push:
     """As many points as there were: some of those seen are left out for those between the fingers."""
     pose = push.track.poses[0]
-    if len(pose) < 8 or pose[7] > fingers.closed_m:
+    if len(pose) <= OPENING or pose[OPENING] > fingers.closed_m:
         return push
     x = push.before.points
     added = _between(x.astype(np.float64), pose, fingers)

@@ -77,7 +77,7 @@ class Subject:
     paddle_half_m: tuple[float, float] | None = None
     """Half the width and half the thickness of the paddle; None of another tool."""
     fingers: GripperFingers | None = None
-    """GripperFingers of a tool that holds the object all the while."""
+    """Fingers of a tool that holds the object all the while."""
     initial_state: InitialState = State.at_rest
     """State of the object's particles at places (B, N, 3) where they are at rest; not of rods."""
     bowls: PouredBowls | None = None

@@ -41,12 +41,12 @@ def next_push(
 ) -> NextPush | None:
     """Push that discriminates two or more models, each with its probability; None if there are fewer.
 
-    None, too, where none of the pushes that were tried can be simulated by all of them. `height_m`: of the tool's tip
-    above the table while it pushes.
+    None, too, of what is carried or poured, whose motions are not designed, and where none of the pushes that were
+    tried can be simulated by all of them. `height_m`: of the tool's tip above the table while it pushes.
     """
     if len(models) < 2:  # A single model has no rival.
         return None
-    if predictor.subject.kind.is_in_space:  # Carries are not designed.
+    if predictor.subject.kind.is_in_space or predictor.subject.kind.is_poured:
         return None
     last = trials.study.pushes[-1].after
     asked = _possible_pushes(predictor, trials.study, last, _CANDIDATES[platform], height_m, seed)

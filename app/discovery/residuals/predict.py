@@ -5,7 +5,8 @@ view that was taken during the push, where there is one.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple, final
 
 import jax
@@ -64,21 +65,35 @@ class Predictor:
             pushes = sorted(group.needed, key=lambda k: sum(group.needed[k]))
             jobs = [(q, k) for k in pushes for q in range(len(thetas)) if where is None or where[q, k]]
             alike = self.group_alike(trials, jobs, thetas)
-            ways = self._ways(trials, thetas, list(alike), group, simulate)
             keys = {job: self._key(trials, job, thetas, own) for job in alike}
-            new = [job for job in alike if keys[job] not in self._kept]
-            ends = dict[tuple[int, int], tuple[Points, Points]]()
-            for chunk in _chunks(new, chunks(own, self._platform)):
-                found = simulate.move(*self._inputs(trials, thetas, chunk, ways, group.needed))
-                ends |= zip(chunk, zip(*map(np.asarray, found), strict=True), strict=True)
-            if own.bowls is not None:
-                self._kept |= {keys[job]: end for job, end in ends.items()}
-            for job, same in alike.items():
-                mid, end = ends[job] if job in ends else self._kept[keys[job]]
-                for q, k in same:
+            known = {job: self._kept[key] for job, key in keys.items() if key in self._kept}
+            new = [job for job in alike if job not in known]
+            sizes = chunks(own, self._platform)
+            for job, (mid, end) in chain(known.items(), self._simulate(trials, thetas, new, group, simulate, sizes)):
+                if own.bowls is not None:
+                    self._kept[keys[job]] = mid, end
+                for q, k in alike[job]:
                     during[q, k] = self._observation(trials, k, mid, thetas[q])
                     after[q, k] = self._observation(trials, k, end, thetas[q])
         return PushParticles(during, after)
+
+    def _simulate(
+        self,
+        trials: SimulationBatch,
+        thetas: Sequence[Theta],
+        jobs: list[tuple[int, int]],
+        group: "_Group",
+        simulate: Stepper,
+        sizes: Sequence[int],
+    ) -> Iterator[tuple[tuple[int, int], tuple[Points, Points]]]:
+        """Each job, with the object on the way and at the end; so many at once."""
+        if not jobs:
+            return
+        ways = self._ways(trials, thetas, jobs, group, simulate)
+        for chunk in _chunks(jobs, sizes):
+            found = simulate.move(*self._inputs(trials, thetas, chunk, ways, group.needed))
+            middles, ends = map(np.asarray, found)
+            yield from zip(chunk, zip(middles, ends, strict=True), strict=True)
 
     def group_alike(
         self, trials: SimulationBatch, jobs: Sequence[tuple[int, int]], thetas: Sequence[Theta]

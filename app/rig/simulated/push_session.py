@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.core.motion import pointing_down
-from app.core.types import ToolPose
+from app.core.types import OPENING, ToolPose
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.testbeds import find_testbed
@@ -32,8 +32,6 @@ BEGIN_S = 1000.0
 _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
 """Time for a laid object to come to rest; for the arm's approach; and for the object to come to rest after the push."""
 _TICK_S = 0.01
-_OPENS = 8
-"""Numbers of a pose that says how far the tool is open."""
 _ENCODER_M = 1e-4
 _DIGITS = 6
 """Decimal digits of a second that are kept of the sum of many time steps."""
@@ -234,7 +232,7 @@ def _follow(world: World, track: Track, until_s: float) -> None:
 def _pose(track: Track, at_s: float) -> ToolPose:
     """Pose of the tool at a time; it is closed where the track says nothing of that."""
     (pose,) = track.poses_at(np.array([at_s]))
-    return pose if len(pose) == _OPENS else np.append(pose, 0.0)
+    return pose if len(pose) > OPENING else np.append(pose, 0.0)
 
 
 def _wait(world: World, until_s: float) -> None:

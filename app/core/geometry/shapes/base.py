@@ -52,7 +52,7 @@ class ToolGeometry(Protocol):
 
     @property
     def fingers(self) -> GripperFingers | None:
-        """GripperFingers that hold an object between them; None of a tool without."""
+        """Fingers that hold an object between them; None of a tool without."""
         return None
 
     @property
