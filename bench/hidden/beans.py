@@ -4,30 +4,29 @@ Frictions of table and paddle and the beans' resistance to rolling are drawn, as
 are a noise of what is seen of the beans from above; what acts on images alone cannot be hidden here.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, final
 
 import numpy as np
 from jaxtyping import Float64
 
 from app.core.geometry.scene_description import Beans
-from app.core.task_name import recorded_name
 from app.core.types import Points
-from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.dataset.study import ProjectionView, Study
 from app.perception.body.fill import fill, points_inside
 from app.perception.body.resample import resample
 from app.policy.random_pushes import PushDesign
 from app.policy.random_sweeps import sweep_design
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
+from app.rig.simulated.effect_sampling import mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
+from app.rig.simulated.push_session import PushSession, StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.world import Nodes
 from app.tasks import load
 from app.tasks.elements.base import Task
-from bench.hidden.draws import Chosen, real_size
-from bench.hidden.ropes import USUAL_NOISE_M, bare_table, seen_tip
+from bench.hidden.draws import Chosen, effects_of
+from bench.hidden.ropes import USUAL_NOISE_M
+from bench.hidden.unrendered import study_of
 from bench.rehearsal import rehearse
 
 _BEAN_M, _POINT_M = 0.3e-3, 0.4e-3
@@ -80,8 +79,7 @@ class BeanCase:
     @property
     def injected(self) -> tuple[InjectedEffect, ...]:
         """The effects, with directions, places and signs of their own."""
-        wishes = [InjectionRequest(each.effect, real_size(each, Beans)) for each in self.hidden]
-        return draw(wishes, self.seed, Beans)
+        return effects_of(self.hidden, self.seed, Beans)
 
     def session(self) -> PushSession:
         """The world and its arm, to sweep in as one likes."""
@@ -90,25 +88,9 @@ class BeanCase:
     def record(self) -> Study:
         """The sweeps as discovery reads them."""
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
+        scale = self.noise_m / USUAL_NOISE_M
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
-        pushes = tuple(_pushes(task, takes, rng, self.noise_m / USUAL_NOISE_M))
-        return Study(
-            task=recorded_name(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes}
-        )
-
-
-def _pushes(task: Task, takes: Iterable[PushSample], rng: np.random.Generator, scale: float) -> Iterator[Push]:
-    for take in takes:
-        before = view_of_beans(task, take.before, rng, scale)
-        during, after = (view_of_beans(task, look, rng, scale) for look in (take.during, take.after))
-        yield Push(
-            episode=take.episode,
-            before=before,
-            during=(replace(during, finger=seen_tip(take.during.snapshot.tip, rng)),),
-            after=after,
-            command=take.command,
-            measured=take.measured,
-        )
+        return study_of(task, takes, lambda look: view_of_beans(task, look, rng, scale), rng)
 
 
 def view_of_beans(task: Task, look: StampedSnapshot, rng: np.random.Generator, scale: float = 1.0) -> ProjectionView:

@@ -12,12 +12,12 @@ from app.commands._hiding import PushRecordingConfig, Stopwatch, record
 from app.core.geometry.scene_description import Cloth
 from app.policy.random_carries import carry_design
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
+from app.rig.simulated.effect_sampling import mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.elements.base import Task
-from bench.hidden.draws import Chosen, real_size
+from bench.hidden.draws import Chosen, effects_of
 
 
 @final
@@ -44,8 +44,7 @@ class ClothCase:
     @property
     def injected(self) -> tuple[InjectedEffect, ...]:
         """The effects, with directions, places and signs of their own."""
-        wishes = [InjectionRequest(each.effect, real_size(each, Cloth)) for each in self.hidden]
-        return draw(wishes, self.seed, Cloth)
+        return effects_of(self.hidden, self.seed, Cloth)
 
     def record_in(self, folder: Path) -> list[Path]:
         """The recordings in a new folder, as `dipac hide` makes them."""

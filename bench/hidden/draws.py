@@ -1,6 +1,6 @@
 """Hidden effects of a case, drawn from its number and a seed by the shares that docs/discovery.md states."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal, TypeAlias, final
@@ -11,7 +11,8 @@ from app.commands._named import Dynamics
 from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope
 from app.discovery.dataset.model_under_test import Family
 from app.jobs.discovery_subject import subject_of
-from app.rig.simulated.effect_sampling import injectable_effects, not_injectable
+from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, not_injectable
+from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.sim.model.numerics import ANY_NUMERICS
 from app.tasks import load, name_with_dynamics
 from bench.hidden.outside import OUTSIDE
@@ -149,6 +150,11 @@ def real_size(chosen: Chosen, body: type[Body] = Rope) -> float:
     main = injectable_effects()[chosen.effect].main_in(body)
     assert main.typical is not None
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
+
+
+def effects_of(hidden: Sequence[Chosen], seed: int, body: type[Body] = Rope) -> tuple[InjectedEffect, ...]:
+    """The chosen effects in such an object of MuJoCo's or the cell's world, their directions and places by `seed`."""
+    return draw([InjectionRequest(each.effect, real_size(each, body)) for each in hidden], seed, body)
 
 
 def _catalogued(making: Making) -> frozenset[str]:

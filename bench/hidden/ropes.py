@@ -19,14 +19,14 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.perception.body.resample import resample
 from app.policy.random_pushes import REGION, PushDesign
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
+from app.rig.simulated.effect_sampling import mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.curves import fill_tube
-from bench.hidden.draws import Chosen, real_size
+from bench.hidden.draws import Chosen, effects_of
 from bench.hidden.sizes import drawn_task
 from bench.rehearsal import rehearse
 
@@ -89,7 +89,7 @@ class RopeCase:
     @property
     def injected(self) -> tuple[InjectedEffect, ...]:
         """The effects, with directions, places and signs of their own."""
-        return draw([InjectionRequest(each.effect, real_size(each)) for each in self.hidden], self.seed)
+        return effects_of(self.hidden, self.seed)
 
     def session(self) -> PushSession:
         """The world and its arm, to push in as one likes."""

@@ -5,28 +5,27 @@ cell's drops, on cells and in time steps that are longer with their distance: a 
 are a noise of the level; what acts on images alone cannot be hidden here.
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final, final
 
 import numpy as np
 
 from app.core.geometry.scene_description import Liquid
-from app.core.task_name import recorded_name
-from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.dataset.study import ProjectionView, Study
 from app.perception.body.resample import resample
 from app.perception.body.vessels import Pool
 from app.policy.random_pours import pour_design
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.effect_sampling import InjectionRequest, draw, mistune
+from app.rig.simulated.effect_sampling import mistune
 from app.rig.simulated.injected_effects.base import InjectedEffect
-from app.rig.simulated.push_session import PushSample, PushSession, StampedSnapshot
+from app.rig.simulated.push_session import PushSession, StampedSnapshot
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.elements.base import Task
 from app.tasks.elements.pouring import PouringProblems
-from bench.hidden.draws import Chosen, real_size
-from bench.hidden.ropes import USUAL_NOISE_M, bare_table, seen_tip
+from bench.hidden.draws import Chosen, effects_of
+from bench.hidden.ropes import USUAL_NOISE_M
+from bench.hidden.unrendered import study_of
 from bench.rehearsal import rehearse
 
 DROPS: Final = 800
@@ -69,8 +68,7 @@ class WaterCase:
     @property
     def injected(self) -> tuple[InjectedEffect, ...]:
         """The effects, with directions and signs of their own."""
-        wishes = [InjectionRequest(each.effect, real_size(each, Liquid)) for each in self.hidden]
-        return draw(wishes, self.seed, Liquid)
+        return effects_of(self.hidden, self.seed, Liquid)
 
     def session(self) -> PushSession:
         """The world and its arm, to pour in as one likes."""
@@ -79,26 +77,9 @@ class WaterCase:
     def record(self) -> Study:
         """The pours as discovery reads them."""
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
+        scale = self.noise_m / USUAL_NOISE_M
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
-        pushes = tuple(_pushes(task, takes, rng, self.noise_m / USUAL_NOISE_M))
-        return Study(
-            task=recorded_name(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes}
-        )
-
-
-def _pushes(task: Task, takes: Iterable[PushSample], rng: np.random.Generator, scale: float) -> Iterator[Push]:
-    for take in takes:
-        before, during, after = (
-            view_of_water(task, look, rng, scale) for look in (take.before, take.during, take.after)
-        )
-        yield Push(
-            episode=take.episode,
-            before=before,
-            during=(replace(during, finger=seen_tip(take.during.snapshot.tip, rng)),),
-            after=after,
-            command=take.command,
-            measured=take.measured,
-        )
+        return study_of(task, takes, lambda look: view_of_water(task, look, rng, scale), rng)
 
 
 def view_of_water(task: Task, look: StampedSnapshot, rng: np.random.Generator, scale: float = 1.0) -> ProjectionView:
