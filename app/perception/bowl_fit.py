@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
-import cv2
 import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import least_squares
@@ -11,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from app.core.messages import Frame
 from app.core.types import Cloud
-from app.perception.cloud.depth import behind_an_edge, deproject
 from app.perception.reconstruct import Reconstruction
+from app.perception.tool_readings import solid_points
 
 Readings: TypeAlias = Float64[np.ndarray, "M 3"]
 """Points [m] from where the kinematics have the bowl's centre."""
@@ -68,13 +67,10 @@ def bowl_points(
 
 def _readings(frame: Frame, place: Float64[np.ndarray, "3"], how: Reconstruction, radius_m: float) -> Readings:
     """Readings about the bowl, without those of the object's colour or beside it, and those between surfaces."""
-    camera = frame.camera
-    object_ = cv2.dilate(how.segmenting.masks(frame.color)[0].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    solid = ~object_ & ~behind_an_edge(frame.depth, how.edge_step_m, camera)
-    away = deproject(frame.depth, solid, camera).astype(np.float64) - place
+    away = solid_points(frame, how) - place
     reading = away[np.linalg.norm(away, axis=1) < radius_m + _REACH_M]
     # Of a wall between the camera and the bowl's centre, the outer side is seen.
-    eye = camera.T_world_camera[:3, 3] - place
+    eye = frame.camera.T_world_camera[:3, 3] - place
     return reading[(reading @ eye) > 0]
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
@@ -11,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from app.core.messages import Frame
 from app.core.types import Cloud, Path3
-from app.perception.cloud.depth import behind_an_edge, deproject
 from app.perception.reconstruct import Reconstruction
+from app.perception.tool_readings import solid_points
 
 Inside: TypeAlias = Float64[np.ndarray, "M 3"]
 """Points in the frame of the paddle where the kinematics have it [m]: across, along its thickness, up."""
@@ -99,10 +98,7 @@ def gripper_points(
 
 def _readings(frame: Frame, box: _Box, how: Reconstruction) -> Inside:
     """Readings about the paddle, without those of the object's colour or beside it, and those between surfaces."""
-    camera = frame.camera
-    object_ = cv2.dilate(how.segmenting.masks(frame.color)[0].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    solid = ~object_ & ~behind_an_edge(frame.depth, how.edge_step_m, camera)
-    points = deproject(frame.depth, solid, camera).astype(np.float64)
+    points = solid_points(frame, how)
     reach = box.half_m[:2] + _REACH_M
     near = np.linalg.norm(points[:, :2] - box.middle[:2], axis=1) < np.linalg.norm(reach)
     points = points[near & (points[:, 2] > how.table_m + _LOW_M)]

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple, TypeAlias
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
@@ -20,6 +19,7 @@ from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.cloud.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction
+from app.perception.tool_readings import without_object
 
 Capsule: TypeAlias = Float64[np.ndarray, "5"]
 """Capsule parameters: its tip x y z [m], and the slopes of its axis along x and y per unit of height."""
@@ -97,9 +97,8 @@ class _Look(NamedTuple):
 def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _Look:
     """The view, without pixels beside the object's, which may be of either, and those between finger and table."""
     camera = frame.camera
-    object_ = cv2.dilate(how.segmenting.masks(frame.color)[0].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     between = behind_an_edge(frame.depth, how.edge_step_m, camera)
-    wanted = _window(camera, tip, how) & ~object_
+    wanted = _window(camera, tip, how) & without_object(frame, how)
     solid, doubtful = (deproject(frame.depth, wanted & part, camera).astype(np.float64) for part in (~between, between))
     solid, doubtful = (points[_beside(points, tip, _AROUND_M)] for points in (solid, doubtful))
     over = _table_m(solid, how) + _OVER_TABLE_M

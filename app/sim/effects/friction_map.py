@@ -30,31 +30,20 @@ def placed_friction(mu: float, node: NodeContext, phi: Any, at: int) -> float:
 
 EFFECT = Effect(
     objects=ON_TABLES,
-    parameters=(
+    parameters=tuple(
         ParameterSpec(
-            name="friction_slope_x",
+            name=f"friction_slope_{axis}",
             unit="1/m",
             nominal=0.0,
             low=-3.0,
             high=3.0,
             typical=1.0,
             scale="linear",
-            about=f"Relative growth of the table's friction along x, from {MIDDLE}.",
+            about=f"Relative growth of the table's friction along {axis}, from {MIDDLE}.",
             null_prior=(0.0, 0.12),
             rod_null_prior=(0.0, 0.138),
-        ),
-        ParameterSpec(
-            name="friction_slope_y",
-            unit="1/m",
-            nominal=0.0,
-            low=-3.0,
-            high=3.0,
-            typical=1.0,
-            scale="linear",
-            about=f"Relative growth of the table's friction along y, from {MIDDLE}.",
-            null_prior=(0.0, 0.12),
-            rod_null_prior=(0.0, 0.138),
-        ),
+        )
+        for axis in "xy"
     ),
     table_friction=placed_friction,
     rod=RodEffect(friction=f"mu *= larger(all_of({LEAST}f), 1.0f + phi[0] * (x - {X0}f) + phi[1] * y);"),

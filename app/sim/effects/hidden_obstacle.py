@@ -53,8 +53,7 @@ EFFECT = Effect(
         velocity=f"""
         const T ax = (x - phi[1]) / {RADIUS}f, ay = (y - phi[2]) / {RADIUS}f, square = ax * ax + ay * ay;
         const T near = larger(all_of(0.0f), 1.0f - 0.25f * square), resisted = k.dt * phi[0] * near * near;
-        const T approach = smaller(all_of(0.0f), vx * ax + vy * ay);
-        const T stopped = resisted / (1.0f + resisted) * approach / (square + 0.01f);
+        const T stopped = resisted / (1.0f + resisted) * smaller(all_of(0.0f), vx * ax + vy * ay) / (square + 0.01f);
         vx -= stopped * ax; vy -= stopped * ay;
         """
     ),

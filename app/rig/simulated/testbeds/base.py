@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from app.core.geometry.scene_description import Beans, Cloth, Liquid, Rope
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
-from app.policy.random_pushes import PushDesign
+from app.policy.random_pushes import PushDesign, midway_s
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.world import Nodes, World
@@ -24,8 +24,7 @@ class Testbed(Protocol):
     `holds`: the object stays in the tool from the first motion of an episode to its end.
     """
 
-    @property
-    def holds(self) -> bool: ...  # noqa: D102 - named for what it is
+    holds: bool = False
 
     def body(self, task: Task) -> Rope | Beans | Cloth | Liquid:
         """The object."""
@@ -64,8 +63,8 @@ class Testbed(Protocol):
         ...
 
     def midway_s(self, command: Track) -> float:
-        """A moment of a motion at which cameras look at it."""
-        ...
+        """A moment of a motion at which cameras look at it: in its later half, where nothing else is said."""
+        return midway_s(command.times_s)
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
         """Truth of the object in this world, beside friction, and of the place where it was laid first."""

@@ -7,10 +7,10 @@ import numpy as np
 from app.core.geometry.scene_description import Beans
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
-from app.policy.random_pushes import PushDesign, midway_s
+from app.policy.random_pushes import PushDesign
 from app.policy.random_sweeps import random_sweep, sweep_design
 from app.rig.simulated.kinds.beans import beans_and_paddle
-from app.rig.simulated.testbeds.base import Before
+from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.beans_world import BeansWorld
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -19,10 +19,8 @@ from app.tasks.elements.base import Task
 
 
 @final
-class BeanSweeps:
+class BeanSweeps(Testbed):
     """Sweeps through beans, which are scattered anew in each episode, wherever they were."""
-
-    holds = False
 
     def body(self, task: Task) -> Beans:
         """The beans."""
@@ -62,10 +60,6 @@ class BeanSweeps:
         points = np.concatenate([pieces, pieces.mean(1, keepdims=True)], axis=1).reshape(-1, 3).astype(np.float32)
         stroke = random_sweep(rng, points, plan, radius_m=beans.radius_m, half_m=paddle.half_m[:2])
         return stroke.track(start_s=start_s, height_m=paddle.sweep_height_m)
-
-    def midway_s(self, command: Track) -> float:
-        """A moment in the later half of the sweep."""
-        return midway_s(command.times_s)
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
         """Number of beans, and their resistance to rolling [m]."""

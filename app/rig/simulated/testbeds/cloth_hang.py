@@ -8,9 +8,9 @@ from app.core.geometry.scene_description import Cloth
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
 from app.policy.random_carries import carry_design, random_carry, random_grasp
-from app.policy.random_pushes import PushDesign, midway_s
+from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds.cloth import cloth_and_gripper
-from app.rig.simulated.testbeds.base import Before
+from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.cloth_world import ClothWorld
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -23,7 +23,7 @@ _CLOSED_M = 0.004
 
 
 @final
-class ClothCarries:
+class ClothCarries(Testbed):
     """Carries of a cloth that lies flat at the beginning of each episode, and stays in the gripper until its end."""
 
     holds = True
@@ -76,10 +76,6 @@ class ClothCarries:
             edge = np.concatenate([knots[0], knots[-1], knots[1:-1, 0], knots[1:-1, -1]]).astype(np.float32)
             tool = random_grasp(rng, edge, height_m=_GRASP_M, opening_m=gripper.opening_m)
         return random_carry(rng, tool, plan, start_s=start_s, closed_m=_CLOSED_M)
-
-    def midway_s(self, command: Track) -> float:
-        """A moment in the later half of the carry."""
-        return midway_s(command.times_s)
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
         """Stiffness of the cloth [N/m], and the rate at which the air slows it [1/s]."""

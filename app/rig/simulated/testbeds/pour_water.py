@@ -12,7 +12,7 @@ from app.core.types import ToolPose
 from app.policy.random_pours import beside, pour_design, random_pour
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds.liquid import liquid_in_bowls
-from app.rig.simulated.testbeds.base import Before
+from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.liquid_world import LiquidWorld
 from app.rig.simulated.worlds.physics import WorldPhysics
@@ -26,7 +26,7 @@ _HELD = 0.97
 
 
 @final
-class WaterPours:
+class WaterPours(Testbed):
     """Pours from the held bowl, which stays in the hand; each episode begins with all of the water in it."""
 
     holds = True

@@ -8,8 +8,8 @@ from jaxtyping import Float64
 from app.core.geometry.scene_description import Rope
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
-from app.policy.random_pushes import PushDesign, midway_s, random_track
-from app.rig.simulated.testbeds.base import Before
+from app.policy.random_pushes import PushDesign, random_track
+from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.physics import Centreline, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
@@ -21,10 +21,8 @@ _BODY_POINTS = 300
 
 
 @final
-class RopePushes:
+class RopePushes(Testbed):
     """Pushes through points of the rope, which is laid with its ends nearest to where they were."""
-
-    holds = False
 
     def body(self, task: Task) -> Rope:
         """The rope."""
@@ -67,10 +65,6 @@ class RopePushes:
             height_m=task.finger.push_height_m,
             core_m=task.finger.half_m,
         )
-
-    def midway_s(self, command: Track) -> float:
-        """A moment in the later half of the push."""
-        return midway_s(command.times_s)
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
         """Stiffness of the rope, by its model, and the place of its end s = -1 [m]."""
