@@ -14,12 +14,13 @@ from app.planner.base import Planner
 from app.planner.method import ABLATIONS, PAPER, Method, planners
 from app.planner.planner_factory import make_planner
 from app.planner.search.budget import SLOPE_ROLLOUTS, tree_rollouts
-from app.planner.search.cem import CemPlanner, Refit, evolve
 from app.planner.search.cost import Terms
 from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
+from app.planner.search.sampling import SamplingPlanner, Schedule, evolve
 from app.planner.search.tree import Rollout, start
+from app.planner.search.updates import Elites, Gaussian, PathIntegral, Update
 from app.policy.base import PlanningState, Prepared
 from app.tasks import load, names
 from tests.planner.table import PHI, TASK, rope, search
@@ -33,14 +34,14 @@ def simulated(planner: Planner) -> int:
 
     Of a planner that has its own way to better branches, one rollout of each for every cost that it tells of them.
     """
-    assert isinstance(planner, TreePlanner | CemPlanner)
+    assert isinstance(planner, TreePlanner | SamplingPlanner)
     if isinstance(planner, TreePlanner):
         if planner.optimise is not None:
             optimise, actions = planner.optimise, jnp.zeros((planner.search.branches, 1, 2))
             found = jax.eval_shape(lambda: optimise(bowl, actions, np.ones(2, np.float32)))
             return len(found.iterates) * planner.search.branches
         return planner.search.branches * SLOPE_ROLLOUTS * planner.gradient_steps
-    samples = planner.refit.generations * planner.search.branches
+    samples = planner.schedule.generations * planner.search.branches
     return samples * (1 + SLOPE_ROLLOUTS * planner.gradient_steps)
 
 
@@ -79,7 +80,7 @@ class Forbidden:
 @pytest.mark.parametrize("method", [*map(Method.of, BASELINES), Method.of(ablation="no_policy")])
 def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
     planner = make_planner(method, replace(search(), policy=Forbidden()), DESCENT, 1)
-    assert isinstance(planner, TreePlanner | CemPlanner)
+    assert isinstance(planner, TreePlanner | SamplingPlanner)
     tree = start(planner.search, PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI))
     assert tree.first.shape == (planner.search.branches, TASK.actions.size)
     assert tree.later.shape[1] == planner.search.depth - 1
@@ -115,17 +116,41 @@ def bowl(actions: Float[Array, "B D A"]) -> Rollout:
 
 
 @pytest.mark.parametrize("steps", [0, 1])
-def test_the_cross_entropy_method_finds_a_minimum_among_what_is_finite_and_allowed(steps: int) -> None:
+@pytest.mark.parametrize("update", [Elites(count=8), PathIntegral(spread=4.0)], ids=["elites", "path_integral"])
+def test_samples_find_a_minimum_among_what_is_finite_and_allowed(update: Update, steps: int) -> None:
     scale = np.full(2, 0.05, np.float32)
 
     def improve(actions: Float[Array, "B D A"]) -> OptimizedRollouts:
         return descend(bowl, actions, steps=steps, descent=DESCENT, scale=scale)
 
     first = 2.0 * jax.random.normal(jax.random.key(1), (64, 2, 2))
-    refit = Refit(generations=12, elites=8, kept=5)
-    found = evolve(improve, first, jax.random.key(2), refit=refit, scale=scale)
+    schedule = Schedule(generations=12, kept=5, update=update)
+    found = evolve(improve, first, jax.random.key(2), schedule=schedule, scale=scale)
     assert math.isfinite(float(found.best.cost[0]))
     assert float(found.best.cost[0]) < 0.01 < float(jnp.nanmin(found.cost_before))
     assert (np.diff(np.asarray(found.best.cost)) >= 0).all()
     assert (np.asarray(found.best.actions) < 2.0).all()
     assert (np.asarray(found.best.actions) > -0.5).all()
+
+
+SCALE = np.array([0.1, 0.2], np.float32)
+BEFORE = Gaussian(jnp.array([[0.3, 0.4]]), jnp.array([[1.0, 1.0]]))
+
+
+def test_a_path_integral_weighs_samples_by_the_exponential_of_their_cost() -> None:
+    actions = jnp.array([[[0.5, 0.5]], [[1.0, 1.5]], [[0.0, 3.0]]])  # The last may not be made.
+    cost = np.array([0.5, 0.25])
+    found = PathIntegral(temperature=0.5, spread=0.25)(bowl(actions), BEFORE, SCALE)
+    weight = np.exp(-cost / (0.5 * cost.std()))
+    assert found.mean == pytest.approx(np.average(actions[:2], axis=0, weights=weight), rel=1e-5)
+    assert found.spread == pytest.approx(0.25 * SCALE[None])
+
+
+@pytest.mark.parametrize("update", [Elites(count=2), PathIntegral()], ids=["elites", "path_integral"])
+def test_a_mean_stays_where_no_sample_may_be_made(update: Update) -> None:
+    assert (update(bowl(jnp.full((3, 1, 2), 3.0)), BEFORE, SCALE).mean == BEFORE.mean).all()
+
+
+def test_samples_of_one_cost_are_averaged() -> None:
+    actions = jnp.array([[[0.5, 1.0]], [[1.5, 1.0]]])
+    assert PathIntegral()(bowl(actions), BEFORE, SCALE).mean == pytest.approx(np.array([[1.0, 1.0]]))

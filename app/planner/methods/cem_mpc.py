@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.search.budget import at_least, generation_rollouts, tree_rollouts
-from app.planner.search.cem import CemPlanner, Refit
+from app.planner.search.budget import Samples
 from app.planner.search.optimise import OptimizerConfig
+from app.planner.search.sampling import SamplingPlanner, Schedule
 from app.planner.search.tree import TreeConfig
+from app.planner.search.updates import Elites
 
 GENERATIONS = 5
 LARGEST = 256
@@ -17,9 +18,10 @@ ELITE_SHARE = 8
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """`GENERATIONS` of a population that together simulate as much as the tree, or more generations of `LARGEST`."""
-    rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(0)
-    generations = max(GENERATIONS, at_least(rollouts, LARGEST * each))
-    population = at_least(rollouts, generations * each)
-    kept = min(search.branches, population)
-    refit = Refit(generations=generations, elites=max(2, population // ELITE_SHARE), kept=kept)
-    return CemPlanner(search=replace(search, branches=population, guided=False), refit=refit, descent=descent)
+    size = Samples.worth(search, gradient_steps, generations=GENERATIONS, largest=LARGEST)
+    elites = Elites(count=max(2, size.population // ELITE_SHARE))
+    return SamplingPlanner(
+        search=replace(search, branches=size.population, guided=False),
+        schedule=Schedule(generations=size.generations, kept=min(search.branches, size.population), update=elites),
+        descent=descent,
+    )

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.search.budget import at_least, generation_rollouts, tree_rollouts
-from app.planner.search.cem import CemPlanner, Refit
+from app.planner.search.budget import Samples
 from app.planner.search.optimise import OptimizerConfig
+from app.planner.search.sampling import SamplingPlanner, Schedule
 from app.planner.search.tree import TreeConfig
+from app.planner.search.updates import Elites
 
 GENERATIONS = 3
 STEPS = 1
@@ -19,13 +20,13 @@ ELITE_SHARE = 4
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """Generations that together simulate as much as the tree, or more where they would be smaller than `SMALLEST`."""
-    rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(STEPS)
-    generations = max(GENERATIONS, at_least(rollouts, LARGEST * each))
-    population = max(SMALLEST, at_least(rollouts, generations * each))
-    kept = min(search.branches, population)
-    return CemPlanner(
-        search=replace(search, branches=population, guided=False),
-        refit=Refit(generations=generations, elites=max(2, population // ELITE_SHARE), kept=kept),
+    size = Samples.worth(
+        search, gradient_steps, generations=GENERATIONS, largest=LARGEST, smallest=SMALLEST, steps=STEPS
+    )
+    elites = Elites(count=max(2, size.population // ELITE_SHARE))
+    return SamplingPlanner(
+        search=replace(search, branches=size.population, guided=False),
+        schedule=Schedule(generations=size.generations, kept=min(search.branches, size.population), update=elites),
         descent=descent,
         gradient_steps=STEPS,
     )

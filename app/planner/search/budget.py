@@ -1,6 +1,7 @@
 """Simulation budget of a decision, so that methods are compared at equal cost."""
 
 from math import ceil
+from typing import NamedTuple
 
 from app.planner.search.tree import TreeConfig
 
@@ -21,6 +22,29 @@ def tree_rollouts(search: TreeConfig, gradient_steps: int) -> int:
 def generation_rollouts(gradient_steps: int) -> int:
     """Rollouts of a generation for each of its samples: the slopes of its steps, and the final one."""
     return 1 + SLOPE_ROLLOUTS * gradient_steps
+
+
+class Samples(NamedTuple):
+    """Generations of a population that together simulate at least as much as the tree."""
+
+    generations: int
+    population: int
+
+    @classmethod
+    def worth(
+        cls,
+        search: TreeConfig,
+        gradient_steps: int,
+        *,
+        generations: int,
+        largest: int,
+        smallest: int = 1,
+        steps: int = 0,
+    ) -> "Samples":
+        """At least so many generations, and more where `largest` samples, each with its `steps`, are too few."""
+        rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(steps)
+        generations = max(generations, at_least(rollouts, largest * each))
+        return cls(generations, max(smallest, at_least(rollouts, generations * each)))
 
 
 def at_least(rollouts: int, each: int) -> int:

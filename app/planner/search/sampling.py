@@ -1,4 +1,4 @@
-"""The cross-entropy method over sequences of actions, with or without gradient steps between its refits."""
+"""Planning by samples of a Gaussian over sequences of actions, which is updated by them again and again."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import compile_film, film
 from app.planner.search.tree import Rollout, RootBatch, TreeConfig, simulate, start
+from app.planner.search.updates import Gaussian, Update
 from app.policy.base import PlanningState
 
 Improve = Callable[[Float[Array, "B D A"]], OptimizedRollouts]
@@ -25,32 +26,30 @@ Improve = Callable[[Float[Array, "B D A"]], OptimizedRollouts]
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Refit:
-    """Schedule of refits of the distribution: a Gaussian, independent in each number of a sequence.
+class Schedule:
+    """Generations of samples.
 
-    A first generation drawn at random is followed by others from the Gaussian of the `elites` best of the one before,
-    up to `generations`. Its spread is at least `floor` of the action space's scale, so that elites which agree too
-    early do not end the search. The `kept` best of all generations are the branches of the plan.
+    A first one drawn at random is followed by others from the Gaussian that `update` makes of the one before, up to
+    `generations`. The `kept` best of all generations are the branches of the plan.
     """
 
     generations: int
-    elites: int
     kept: int
-    floor: float = 0.25
+    update: Update
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class CemPlanner:
-    """Samples, simulates, refits, again and again; then executes the first action of the best sequence of all.
+class SamplingPlanner:
+    """Samples, simulates, updates, again and again; then executes the first action of the best sequence of all.
 
     The population is the `search`'s branches, and it is not guided: no policy has a say. With `gradient_steps` every
-    sample is descended from before the elites are chosen (Bharadhwaj et al. 2020, "Model-predictive control via
+    sample is descended from before the Gaussian is updated (Bharadhwaj et al. 2020, "Model-predictive control via
     cross-entropy and gradient-based optimization", algorithm 1).
     """
 
     search: TreeConfig
-    refit: Refit
+    schedule: Schedule
     descent: OptimizerConfig
     gradient_steps: int = 0
 
@@ -58,8 +57,8 @@ class CemPlanner:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
         begun = start(self.search, request)
         found = _evolve(self, begun, jnp.asarray(request.goal), _key(request.seed))
-        origins: list[Origin] = ["sampled"] * self.refit.kept
-        seen = film(self.search, *_first(begun, self.refit.kept), found.best.actions, found.best.final)
+        origins: list[Origin] = ["sampled"] * self.schedule.kept
+        seen = film(self.search, *_first(begun, self.schedule.kept), found.best.actions, found.best.final)
         descended = jax.device_get(found)
         return choose(self.search, descended, origins, request, seen=seen)
 
@@ -67,7 +66,7 @@ class CemPlanner:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
         begun = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
         _evolve.lower(self, begun, jnp.asarray(example), _key(0)).compile()
-        kept = self.refit.kept
+        kept = self.schedule.kept
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
 
 
@@ -86,7 +85,9 @@ def _key(seed: int) -> PRNGKeyArray:
 
 
 @partial(jax.jit, static_argnums=0)
-def _evolve(planner: CemPlanner, begun: RootBatch, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> OptimizedRollouts:
+def _evolve(
+    planner: SamplingPlanner, begun: RootBatch, goal: Float[Array, "M 3"], key: PRNGKeyArray
+) -> OptimizedRollouts:
     search, scale = planner.search, planner.search.space.scale()
     improve = partial(
         descend,
@@ -96,14 +97,7 @@ def _evolve(planner: CemPlanner, begun: RootBatch, goal: Float[Array, "M 3"], ke
         scale=scale,
     )
     first = jnp.concatenate([begun.first[:, None], begun.later], axis=1)
-    return evolve(improve, first, key, refit=planner.refit, scale=scale)
-
-
-class Gaussian(NamedTuple):
-    """Gaussian over a sequence of D actions of A numbers: mean and standard deviation of each number."""
-
-    mean: Float[Array, "D A"]
-    spread: Float[Array, "D A"]
+    return evolve(improve, first, key, schedule=planner.schedule, scale=scale)
 
 
 class _Kept(NamedTuple):
@@ -137,10 +131,10 @@ def evolve(
     first: Float[Array, "B D A"],
     key: PRNGKeyArray,
     *,
-    refit: Refit,
+    schedule: Schedule,
     scale: Float32[np.ndarray, " A"],
 ) -> OptimizedRollouts:
-    """The best `refit.kept` sequences of all generations, the cheapest first, of which `first` is the first.
+    """The best `schedule.kept` sequences of all generations, the cheapest first, of which `first` is the first.
 
     `cost_before` and `iterates` are by rank: the cost of the first generation as it was sampled, and those of every
     generation by itself. By construction no rank costs more than before.
@@ -149,29 +143,14 @@ def evolve(
     def step(now: _Generation, key: PRNGKeyArray) -> tuple[_Generation, tuple[Array, Array]]:
         found = improve(now.actions)
         before = jnp.where(jnp.isfinite(found.best.masked_cost), found.cost_before, jnp.inf)
-        costs = (jnp.sort(before)[: refit.kept], jnp.sort(found.best.masked_cost)[: refit.kept])
-        fitted = fit(found.best, now.drawn, refit.elites, refit.floor * scale)
-        actions = fitted.mean + fitted.spread * jax.random.normal(key, first.shape)
-        return _Generation(actions, fitted, now.kept.with_those(found)), costs
+        costs = (jnp.sort(before)[: schedule.kept], jnp.sort(found.best.masked_cost)[: schedule.kept])
+        updated = schedule.update(found.best, now.drawn, scale)
+        return _Generation(updated.draw(key, len(first)), updated, now.kept.with_those(found)), costs
 
-    begin = _Generation(first, Gaussian(first.mean(0), first.std(0)), _none(improve, first, refit.kept))
-    end, (before, after) = jax.lax.scan(step, begin, jax.random.split(key, refit.generations))
+    begin = _Generation(first, Gaussian(first.mean(0), first.std(0)), _none(improve, first, schedule.kept))
+    end, (before, after) = jax.lax.scan(step, begin, jax.random.split(key, schedule.generations))
     best = end.kept.rollout
     return OptimizedRollouts(best, _mask_unused_ranks(before[0]), _mask_unused_ranks(after), end.kept.lost, best.finite)
-
-
-def fit(
-    rollout: Rollout, before: Gaussian, elites: int, least: Float32[np.ndarray, " A"] | Float[Array, " A"]
-) -> Gaussian:
-    """The Gaussian of the best samples; `before` where none of them is finite and allowed. At least `least` wide."""
-    order = jnp.argsort(rollout.masked_cost)[:elites]
-    usable = jnp.isfinite(rollout.masked_cost[order])
-    share = (usable / jnp.maximum(usable.sum(), 1))[:, None, None]
-    chosen = jnp.where(usable[:, None, None], rollout.actions[order], 0.0)
-    mean = (share * chosen).sum(0)
-    spread = jnp.sqrt((share * (chosen - mean) ** 2).sum(0))
-    found = Gaussian(mean, jnp.maximum(spread, least))
-    return Gaussian(*(jnp.where(usable.any(), new, old) for new, old in zip(found, before, strict=True)))
 
 
 def _none(improve: Improve, first: Float[Array, "B D A"], kept: int) -> _Kept:
