@@ -20,7 +20,7 @@ from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, setup_of
 from app.discovery.dataset.object_kinds import ObjectTraits
 from app.discovery.dataset.study import Study
-from app.discovery.experiments.next_push import next_push
+from app.discovery.experiments.next_push import CANDIDATES, next_push
 from app.discovery.inference.confusion import confusions
 from app.discovery.inference.decide import ModelSelection, Progress, decide
 from app.discovery.inference.refine import RefinedModel
@@ -76,8 +76,8 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
     with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
-        platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
-        ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
+        count = CANDIDATES["cpu" if jax.default_backend() == "cpu" else "gpu"]
+        ahead = next_push(predictor, trials, rivals, count=count, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
     confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
     gained = _gain_text(gain.gain, subject.kind)
@@ -223,15 +223,14 @@ def _rivals(
 
 
 def _gain_text(gain: Gain, kind: ObjectTraits) -> str:
-    unit = "% of the liquid" if kind.is_poured else "mm"
     if gain.nominal_mm == 0:
         return (
             "On episodes that it was not fitted to, the nominal model errs by nothing, so that nothing can be gained."
         )
     return (
-        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {unit} a push where "
-        f"the nominal one errs by {gain.nominal_mm:.1f} {unit} (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "
-        f"{gain.high:.0%})."
+        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {kind.unit} a push "
+        f"where the nominal one errs by {gain.nominal_mm:.1f} {kind.unit} (gain {gain.gain:.0%}, 90 % interval "
+        f"{gain.low:.0%} to {gain.high:.0%})."
     )
 
 

@@ -12,6 +12,7 @@ from app.discovery.results.case import Case
 from app.report.drawing.field import field
 from app.report.drawing.layout import section
 from app.report.drawing.markup import Markup, tag
+from app.report.drawing.words import MOTION
 from app.report.sections.advice import MODEL
 from app.report.sections.causes import causes, confusions
 from app.report.sections.checks import checks
@@ -35,18 +36,17 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("examples", "Before and after", "A push that no model was fitted to.", examples),
     ("gains", "What is gained", "How much of the error goes away on such pushes?", gains),
     ("powers", "What would be visible", "How large a cause has to be to show in these data.", powers),
-    ("next", "The next push", "Which push would tell most?", next_push),
+    ("next", "The next {motion}", "Which {motion} would tell most?", next_push),
     ("model", "The saved model", "What a planner loads.", saved_model),
     ("spent", "Time spent", "Where the time of this analysis went.", stage_times),
 )
-"""Sections of the page in the order of reading: anchor, title, question, and its answer."""
+"""Sections of the page in the order of reading: anchor, title, question, and its answer. `{motion}`: see `MOTION`."""
 
 
 _OMITTED: Final[Mapping[ObjectKind, frozenset[str]]] = {
-    "cloth": frozenset({"next"}),
-    "liquid": frozenset({"field", "frames", "next"}),
+    "liquid": frozenset({"field", "frames"}),
 }
-"""Sections that a kind of object has none of: pushes of one that is not pushed, and displacements over the table."""
+"""Sections that a kind of object has none of: displacements over the table of what is compared by amounts."""
 
 
 def write_report(path: Path, case: Case) -> None:
@@ -62,7 +62,12 @@ def write_report(path: Path, case: Case) -> None:
 def page(case: Case, model: Path = MODEL) -> str:
     """The case file as HTML. `model`: the saved model's file."""
     script = _asset("report.js")
-    own = [entry for entry in SECTIONS if entry[0] not in _OMITTED.get(case.kind, frozenset())]
+    omitted, motion = _OMITTED.get(case.kind, frozenset[str]()), MOTION[case.kind]
+    own = [
+        (at, title.format(motion=motion), asks.format(motion=motion), part)
+        for at, title, asks, part in SECTIONS
+        if at not in omitted
+    ]
     links = [(at, title) for at, title, _, _ in own]
     parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(own, 1)]
     head = tag(

@@ -18,7 +18,7 @@ from app.planner.search.cost import Terms
 from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest
-from app.planner.search.sampling import SamplingPlanner, Schedule, evolve
+from app.planner.search.sampling import SampleSchedule, SamplingPlanner, evolve
 from app.planner.search.tree import Rollout, start
 from app.planner.search.updates import Elites, Gaussian, PathIntegral, Update
 from app.policy.base import PlanningState, Prepared
@@ -124,7 +124,7 @@ def test_samples_find_a_minimum_among_what_is_finite_and_allowed(update: Update,
         return descend(bowl, actions, steps=steps, descent=DESCENT, scale=scale)
 
     first = 2.0 * jax.random.normal(jax.random.key(1), (64, 2, 2))
-    schedule = Schedule(generations=12, kept=5, update=update)
+    schedule = SampleSchedule(generations=12, kept=5, update=update)
     found = evolve(improve, first, jax.random.key(2), schedule=schedule, scale=scale)
     assert math.isfinite(float(found.best.cost[0]))
     assert float(found.best.cost[0]) < 0.01 < float(jnp.nanmin(found.cost_before))

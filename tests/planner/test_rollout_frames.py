@@ -10,7 +10,7 @@ from app.jobs import jit_cache
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thin_out
-from app.planner.search.sampling import SamplingPlanner, Schedule
+from app.planner.search.sampling import SampleSchedule, SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
@@ -60,7 +60,7 @@ def test_a_film_changes_no_decision(decision: Plan) -> None:
 
 def test_a_population_is_filmed_as_far_as_it_is_kept() -> None:
     tree = replace(filmed(branches=6, depth=1), guided=False)
-    schedule = Schedule(generations=2, kept=3, update=Elites(count=2))
+    schedule = SampleSchedule(generations=2, kept=3, update=Elites(count=2))
     cem = SamplingPlanner(search=tree, schedule=schedule, descent=TASK.descent)
     found = cem(ASKED)
     assert len(found.branches) == 3

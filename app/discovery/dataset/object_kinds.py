@@ -26,6 +26,11 @@ class ObjectTraits:
     is_poured: bool = False
     """True of what has no shape of its own: compared is how much of it is in a bowl, at rest alone."""
 
+    @property
+    def unit(self) -> str:
+        """Unit of its errors in thousandths of a metre of residual."""
+        return "% of the liquid" if self.is_poured else "mm"
+
 
 ROPE: Final = ObjectTraits(name="rope", has_length=True, is_chaotic=False, physics_null_sd=None, errs_with_tool=False)
 # What 15 causes of physics seemed to be in four recordings of MuJoCo's beans without any, root mean square, is

@@ -18,7 +18,7 @@ from app.core.types import Points
 from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import RodModel, Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.experiments.next_push import push_words
+from app.discovery.experiments.candidate_motions import push_words
 from app.discovery.experiments.probe import NOTHING, Belief, gains_of, rival_words, weigh_gains
 from app.discovery.inference.mixed_effects import information_of
 from app.discovery.residuals.predict import Predictor

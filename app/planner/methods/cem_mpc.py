@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.search.budget import Samples
+from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizerConfig
-from app.planner.search.sampling import SamplingPlanner, Schedule
+from app.planner.search.sampling import SampleSchedule, SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
 
@@ -18,10 +18,12 @@ ELITE_SHARE = 8
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """`GENERATIONS` of a population that together simulate as much as the tree, or more generations of `LARGEST`."""
-    size = Samples.worth(search, gradient_steps, generations=GENERATIONS, largest=LARGEST)
+    size = SampleBudget.worth(search, gradient_steps, generations=GENERATIONS, largest=LARGEST)
     elites = Elites(count=max(2, size.population // ELITE_SHARE))
     return SamplingPlanner(
         search=replace(search, branches=size.population, guided=False),
-        schedule=Schedule(generations=size.generations, kept=min(search.branches, size.population), update=elites),
+        schedule=SampleSchedule(
+            generations=size.generations, kept=min(search.branches, size.population), update=elites
+        ),
         descent=descent,
     )

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.search.budget import Samples
+from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizerConfig
-from app.planner.search.sampling import SamplingPlanner, Schedule
+from app.planner.search.sampling import SampleSchedule, SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
 
@@ -20,13 +20,15 @@ ELITE_SHARE = 4
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """Generations that together simulate as much as the tree, or more where they would be smaller than `SMALLEST`."""
-    size = Samples.worth(
+    size = SampleBudget.worth(
         search, gradient_steps, generations=GENERATIONS, largest=LARGEST, smallest=SMALLEST, steps=STEPS
     )
     elites = Elites(count=max(2, size.population // ELITE_SHARE))
     return SamplingPlanner(
         search=replace(search, branches=size.population, guided=False),
-        schedule=Schedule(generations=size.generations, kept=min(search.branches, size.population), update=elites),
+        schedule=SampleSchedule(
+            generations=size.generations, kept=min(search.branches, size.population), update=elites
+        ),
         descent=descent,
         gradient_steps=STEPS,
     )

@@ -24,7 +24,7 @@ def generation_rollouts(gradient_steps: int) -> int:
     return 1 + SLOPE_ROLLOUTS * gradient_steps
 
 
-class Samples(NamedTuple):
+class SampleBudget(NamedTuple):
     """Generations of a population that together simulate at least as much as the tree."""
 
     generations: int
@@ -40,7 +40,7 @@ class Samples(NamedTuple):
         largest: int,
         smallest: int = 1,
         steps: int = 0,
-    ) -> "Samples":
+    ) -> "SampleBudget":
         """At least so many generations, and more where `largest` samples, each with its `steps`, are too few."""
         rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(steps)
         generations = max(generations, at_least(rollouts, largest * each))

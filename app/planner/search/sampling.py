@@ -26,7 +26,7 @@ Improve = Callable[[Float[Array, "B D A"]], OptimizedRollouts]
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class SampleSchedule:
     """Generations of samples.
 
     A first one drawn at random is followed by others from the Gaussian that `update` makes of the one before, up to
@@ -49,7 +49,7 @@ class SamplingPlanner:
     """
 
     search: TreeConfig
-    schedule: Schedule
+    schedule: SampleSchedule
     descent: OptimizerConfig
     gradient_steps: int = 0
 
@@ -131,7 +131,7 @@ def evolve(
     first: Float[Array, "B D A"],
     key: PRNGKeyArray,
     *,
-    schedule: Schedule,
+    schedule: SampleSchedule,
     scale: Float32[np.ndarray, " A"],
 ) -> OptimizedRollouts:
     """The best `schedule.kept` sequences of all generations, the cheapest first, of which `first` is the first.

@@ -26,7 +26,7 @@ class Update(Protocol):
     """The next Gaussian; frozen, so that compiled code can be cached by it. Spreads are in shares of `scale`."""
 
     def __call__(self, rollout: Rollout, before: Gaussian, scale: Float32[np.ndarray, " A"]) -> Gaussian:
-        """Of the samples; the mean stays where none of them is finite and allowed."""
+        """Gaussian of the samples; the mean stays where none of them is finite and allowed."""
         ...
 
 

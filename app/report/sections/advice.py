@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from app.discovery.results.case import Case
+from app.report.drawing.words import MOTION
 from app.report.sections.verdict import is_missing_something
 
 _SOURCE: Final = {
@@ -55,7 +56,8 @@ def _run(case: Case, model: Path) -> str:
 def _more(case: Case, why: str) -> Iterator[str]:
     """The most informative push, or more of any."""
     if case.next_push is not None:
-        yield f"{why}, make this push and ask again. {case.next_push.text}"
-        yield f"A batch of such pushes: dipac probe {shlex.quote(case.amount.task)} --recordings FILES -o FOLDER"
+        yield f"{why}, make this {MOTION[case.kind]} and ask again. {case.next_push.text}"
+        if case.kind == "rope":
+            yield f"A batch of such pushes: dipac probe {shlex.quote(case.amount.task)} --recordings FILES -o FOLDER"
     else:
         yield f"{why}, record as many pushes again, from other shapes of the object and in other directions."

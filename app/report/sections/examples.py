@@ -1,9 +1,6 @@
 """Held-out pushes as observed and as both models predict them, with the largest difference enlarged."""
 
 from dataclasses import replace
-from typing import NamedTuple
-
-import numpy as np
 
 from app.discovery.results.case import Case, Example
 from app.report.drawing.chart import Plot, svg
@@ -11,6 +8,7 @@ from app.report.drawing.ground import bounds, cloud, ground, surface, way
 from app.report.drawing.layout import chooser, columns, figure, legend, paragraph
 from app.report.drawing.lens import LENS_M, apart_mm, close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
+from app.report.drawing.side_view import View, projection, view_of
 from app.report.drawing.words import decimal
 from app.report.sections.verdict import is_extended
 
@@ -25,28 +23,16 @@ _KEY = (
 _KEY_OF_ONE = tuple(entry for entry in _KEY if entry[0] != "extended")
 
 
-class _View(NamedTuple):
-    """Names of a drawing's axes, and whence it is seen."""
-
-    axes: tuple[str, str]
-    whence: str
-
-
-_ABOVE = _View(("x [m]", "y [m]"), "from above")
-_SIDE = _View(("along the motion [m]", "height [m]"), "from the side")
-
-
 def examples(case: Case) -> Markup:
     """The pushes, shown one at a time."""
     if not case.examples:
         return paragraph("No episode was held out, so there is no push that the models had not seen.")
     options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
-    poured = case.kind == "liquid"
-    view = _SIDE if poured else _ABOVE
+    view = view_of(case.kind)
     shown = [
         tag(
             "div",
-            _example(_sideways(it) if poured else it, index, view, extended=is_extended(case.gain)),
+            _example(_seen(case, it), index, view, extended=is_extended(case.gain)),
             data_of="example",
             data_key=str(index),
             class_="off" if index else None,
@@ -56,16 +42,9 @@ def examples(case: Case) -> Markup:
     return concat([chooser("example", "Held-out push", options), *shown])
 
 
-def _sideways(it: Example) -> Example:
-    """The same as seen from the side: along the farthest way of the tool, and its height."""
-    way_m = it.tool[:, :2] - it.tool[0, :2]
-    farthest = way_m[np.argmax(np.linalg.norm(way_m, axis=1))]
-    ahead = farthest / max(float(np.linalg.norm(farthest)), 1e-9)
-
-    def seen(points: np.ndarray) -> np.ndarray:
-        along = (points[:, :2] - it.tool[0, :2]) @ ahead
-        return np.stack([along, points[:, 2], np.zeros(len(points))], axis=1).astype(points.dtype)
-
+def _seen(case: Case, it: Example) -> Example:
+    """The same as it is drawn."""
+    seen = projection(case.kind, it.tool)
     return replace(
         it,
         before=seen(it.before),
@@ -76,7 +55,7 @@ def _sideways(it: Example) -> Example:
     )
 
 
-def _example(it: Example, index: int, view: _View, *, extended: bool) -> Markup:
+def _example(it: Example, index: int, view: View, *, extended: bool) -> Markup:
     whole = ground(bounds((it.before, it.observed, it.nominal, it.extended, it.tool)), 440.0, 480.0)
     near = lens(it.observed, it.nominal)
     drawing = svg(

@@ -1,14 +1,19 @@
 """The most discriminating next push, drawn on the table."""
 
+from collections.abc import Sequence
+
 from app.core.dialogue.words import duration
+from app.core.types import Points
 from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, NextPush
 from app.report.drawing.chart import Plot, svg
-from app.report.drawing.ground import cloud, ground, surface, table_bounds, way
+from app.report.drawing.ground import bounds, cloud, ground, surface, table_bounds, way
 from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.lens import close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
-from app.report.drawing.words import best, decimal
+from app.report.drawing.side_view import ABOVE, projection, view_of
+from app.report.drawing.words import MOTION, best, decimal
+from app.report.sections.verdict import unit_of
 
 _CLEAR = 2.0
 """Errors of the model by which two predictions differ clearly."""
@@ -19,32 +24,42 @@ def next_push(case: Case) -> Markup:
     """The sentence, the drawing, and its enlargement; or a note that no push is needed."""
     push = case.next_push
     if push is None:
-        return paragraph("No push is proposed: there is nothing left that one would tell apart.")
-    side = tag("div", _detail(case, push), _numbers(push)) if len(push.ends) > 1 else _numbers(push)
+        return paragraph(f"No {MOTION[case.kind]} is proposed: there is nothing left that one would tell apart.")
+    side = tag("div", _detail(case, push), _numbers(case, push)) if _has_ends(case, push) else _numbers(case, push)
     return concat([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
 
 
 def _drawing(case: Case, push: NextPush) -> Markup:
-    p = ground(table_bounds(case), 540.0)
-    key = [("before", "as it lies"), *_names(push), ("tool", "way of the tool")]
+    ends = push.ends if _has_ends(case, push) else ()
+    key = [("before", "as it is"), *(_names(push) if ends else ()), ("tool", "way of the tool")]
+    seen, view = projection(case.kind, push.track.positions), view_of(case.kind)
+    before, track, drawn = seen(push.before), seen(push.track.positions), [seen(end) for end in ends]
+    p = ground(table_bounds(case) if view is ABOVE else bounds([before, track, *drawn]), 540.0)
     drawing = svg(
         p.width,
         p.height,
-        "The next push",
-        "The object as it lies, the way of the tool, and where each model sees it end.",
-        surface(p),
-        cloud(p, push.before, "before"),
-        _ends(p, push),
-        way(p, push.track.positions),
-        frame(p, lens(push.ends[0], push.ends[1])) if len(push.ends) > 1 else "",
+        f"The next {MOTION[case.kind]}",
+        f"The object as it is, the way of the tool{', and where each model sees it end' if ends else ''}.",
+        surface(p, *view.axes),
+        cloud(p, before, "before"),
+        _ends(p, push, drawn),
+        way(p, track),
+        frame(p, lens(drawn[0], drawn[1])) if ends else "",
     )
-    return figure(drawing, "The push on the table. The tool starts at the dot.", legend=legend(key))
+    return figure(drawing, f"Seen {view.whence}. The tool starts at the dot.", legend=legend(key))
+
+
+def _has_ends(case: Case, push: NextPush) -> bool:
+    """True if predictions are drawn: of a liquid they are amounts, and where it is beside them means nothing."""
+    return len(push.ends) > 1 and case.kind != "liquid"
 
 
 def _detail(case: Case, push: NextPush) -> Markup:
-    close = close_up(lens(push.ends[0], push.ends[1]))
+    drawn = [projection(case.kind, push.track.positions)(end) for end in push.ends]
+    close = close_up(lens(drawn[0], drawn[1]))
     said = f"Where the models part most. {_worth(push.apart_mm, case.gain.nominal_mm)}"
-    return figure(enlarge(close, "parting", "Where the models part most", said, _ends(close, push)), said)
+    axes = view_of(case.kind).axes
+    return figure(enlarge(close, "parting", "Where the models part most", said, _ends(close, push, drawn), axes), said)
 
 
 def _worth(apart_mm: float, error_mm: float) -> str:
@@ -57,8 +72,8 @@ def _worth(apart_mm: float, error_mm: float) -> str:
     )
 
 
-def _ends(p: Plot, push: NextPush) -> Markup:
-    return concat(cloud(p, end, kind) for end, kind in zip(push.ends, _kinds(push), strict=True))
+def _ends(p: Plot, push: NextPush, drawn: Sequence[Points]) -> Markup:
+    return concat(cloud(p, end, kind) for end, kind in zip(drawn, _kinds(push), strict=False))
 
 
 def _kinds(push: NextPush) -> list[str]:
@@ -70,11 +85,15 @@ def _names(push: NextPush) -> list[tuple[str, str]]:
     return list(zip(_kinds(push), names, strict=False))
 
 
-def _numbers(push: NextPush) -> Markup:
+def _numbers(case: Case, push: NextPush) -> Markup:
     start, end = push.track.positions[0], push.track.positions[-1]
+    if case.kind == "liquid":
+        apart = f"{decimal(push.apart_mm, 1)} {unit_of(case)}"
+    else:
+        apart = best(push.apart_mm * 1e-3, push.apart_mm * 1e-3, push.apart_mm * 1e-3, "m")
     rows = (
         ("Chosen to tell apart", " and ".join(effect_name(effect) for effect in push.between)),
-        ("They differ by", best(push.apart_mm * 1e-3, push.apart_mm * 1e-3, push.apart_mm * 1e-3, "m")),
+        ("They differ by", apart),
         ("From", f"({start[0]:.2f}, {start[1]:.2f}) m"),
         ("To", f"({end[0]:.2f}, {end[1]:.2f}) m"),
         ("It takes", duration(float(push.track.times_s[-1] - push.track.times_s[0]))),
