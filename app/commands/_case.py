@@ -20,7 +20,7 @@ _UNKNOWN = float("nan")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiscoveryResults:
-    """Results of a discovery. `asked`: the suggested next push as a motion of the tool, or none."""
+    """Results of a discovery. `asked`: the suggested next push as a motion of the tool, if it is a push."""
 
     verdict: Verdict
     asked: tuple[Motion, ...]
@@ -59,9 +59,7 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
         next_push=file.next_push.text if file.next_push else "",
         promised_share=_heldout_error_share(file.heldout) if own_model else _UNKNOWN,
     )
-    return DiscoveryResults(
-        verdict=verdict, asked=(_push_motion(file.next_push, task, site),) if file.next_push else ()
-    )
+    return DiscoveryResults(verdict=verdict, asked=_push_motions(file.next_push, task, site) if file.next_push else ())
 
 
 def _blamed_cause(cause: "CauseEntry") -> Blamed:
@@ -84,7 +82,8 @@ def _heldout_error_share(heldout: "HeldoutEntry") -> float:
     return heldout.extended / heldout.still
 
 
-def _push_motion(push: "NextPushEntry", task: str, site: Site) -> Motion:
+def _push_motions(push: "NextPushEntry", task: str, site: Site) -> tuple[Motion, ...]:
+    """The push as a motion; none where it is a sweep, a carry or a pour, which is told in words alone."""
     import numpy as np
 
     from app.core.geometry.track import Track
@@ -94,6 +93,6 @@ def _push_motion(push: "NextPushEntry", task: str, site: Site) -> Motion:
 
     actions = load(task).actions
     if not isinstance(actions, Pushes):
-        raise UsageError(f"The verdict asks for a push, and {task} has none; use another task.")
-    track = Track(times_s=np.array(push.track.times_s, float), poses=np.array(push.track.poses, float).reshape(-1, 7))
-    return motion_of(track, actions, site)
+        return ()
+    track = Track(times_s=np.array(push.track.times_s, float), poses=np.array(push.track.poses, float))
+    return (motion_of(track, actions, site),)

@@ -58,3 +58,14 @@ def test_what_is_wrong_in_a_verdict_is_said_by_its_place(folder: Path) -> None:
 def test_a_verdict_about_another_task_is_refused(folder: Path) -> None:
     with pytest.raises(UsageError, match="is about task 'rope_push', not 'cloth'"):
         read_case(folder, "cloth", Site(), 1.0, True)
+
+
+@pytest.mark.parametrize("task", ["bean_sweep", "cloth_hang", "pour_water"])
+def test_of_what_is_not_pushed_the_next_motion_is_told_in_words_alone(tmp_path: Path, task: str) -> None:
+    case = cases.a_set()
+    case = replace(case, amount=replace(case.amount, task=task))
+    (tmp_path / VERDICT).write_text(verdict_json(case), encoding="utf-8")
+    found = read_case(tmp_path, task, Site(), 1.0, True)
+    assert case.next_push is not None
+    assert found.verdict.next_push == case.next_push.text
+    assert found.asked == ()

@@ -63,7 +63,7 @@ def _suspicion_section(seen: Watched) -> str:
 
 
 def verdict(state: ConsoleState) -> str:
-    """Card of a discovery's verdict: its sentences, the causes by probability, and the push that it asks for."""
+    """Card of a discovery's verdict: its sentences, the causes by probability, and the motion that it asks for."""
     seen = state.verdict
     if seen is None:
         return (
@@ -71,7 +71,7 @@ def verdict(state: ConsoleState) -> str:
             "<code>dipac console --case DIR</code> shows it here.</small></div>"
         )
     sentences = "".join(f"<p>{escape(text)}</p>" for text in seen.sentences)
-    asked = f"<h3>The push that it asks for</h3><p>{escape(seen.next_push)}</p>" if seen.next_push else ""
+    asked = f"<h3>The motion that it asks for</h3><p>{escape(seen.next_push)}</p>" if seen.next_push else ""
     return (
         f'<div class="dp dp-doubt"><p><b>{escape(_KINDS[seen.kind])}</b></p>{sentences}'
         f"<h3>Causes</h3>{_causes(seen)}{asked}<p><small>{escape(seen.source)}</small></p></div>"
