@@ -39,7 +39,8 @@ class SimulatedCamera:
         if frame is not None:
             return frame
         raise DeviceError(
-            f"Camera {self.model.name!r} gave no image for {self._timeout_s:g} s; close the rig and open it again."
+            f"Camera {self.model.name!r} gave no image for {self._timeout_s:g} s, as this computer is too busy to draw "
+            "one; end other programs, or wait until it has time."
         )
 
     def _check_alive(self) -> None:
