@@ -114,32 +114,40 @@ def choose(
     pose = PARKED_POSE if tool is None else tool
     ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
-    motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
-    if command is not None:
-        pairs = zip(motions, branches, strict=True)
-        motions = [command(motion, request.observed, branch.predicted) for motion, branch in pairs]
-    inside = np.array([_may_be_made(motion, tool, site) for motion in motions])
-    cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
-    fresh = np.where([_is_among(branch.tool_path, request.rejected) for branch in branches], np.inf, cost)
-    best = int(np.argmin(fresh if np.isfinite(fresh).any() else cost))
-    if not np.isfinite(cost[best]):
+
+    def commanded(index: int) -> Motion:
+        motion = search.space.motion(branches[index].actions[0], pose, site)
+        return motion if command is None else command(motion, request.observed, branches[index].predicted)
+
+    order = _by_cost(found, branches, request.rejected)
+    possible = ((index, motion) for index in order if _may_be_made(motion := commanded(index), tool, site))
+    chosen = next(possible, None)
+    if chosen is None:
         raise PlanningError(
-            f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
+            f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {len(order)} "
             "leave the workspace, enter what is kept free or go further than the arm reaches, and the others start on "
             "top of the object; plan again "
             f"with another seed{'' if len(branches) > 1 else ' or with branches besides the policy'}, or move the "
             "object by hand."
         )
+    best, motion = chosen
     predicted = branches[best].predicted
     return Plan(
         branches=branches,
         best=best,
-        motion=motions[best],
+        motion=motion,
         predicted=predicted,
         centreline=np.asarray(found.best.centreline[best]),
         chamfer_m2=float(chamfer_m2(request.observed, request.goal)),
         predicted_chamfer_m2=float(chamfer_m2(predicted, request.goal)),
     )
+
+
+def _by_cost(found: OptimizedRollouts, branches: Sequence[Branch], rejected: Ways) -> list[int]:
+    """Branches that are finite and feasible, the cheapest first; those like a rejected one after all others."""
+    cost = np.asarray(found.best.cost)
+    usable: list[int] = np.flatnonzero(np.asarray(found.finite & found.best.allowed)).tolist()
+    return sorted(usable, key=lambda index: (_is_among(branches[index].tool_path, rejected), float(cost[index])))
 
 
 def _may_be_made(motion: Motion, tool: ToolPose | None, site: Site) -> bool:
