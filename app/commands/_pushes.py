@@ -54,7 +54,9 @@ def read_pushes(path: Path, task: str) -> "tuple[Track, ...]":
         raise UsageError(f"{path} is for task {file.task!r}, not {task!r}; name that task.")
     tracks = list["Track"]()
     for number, push in enumerate(file.pushes, 1):
-        times, poses = np.array(push.track.times_s, float), np.array(push.track.poses, float).reshape(-1, 7)
+        times, poses = np.array(push.track.times_s, float), np.zeros((0, 7))
+        if all(len(pose) == poses.shape[1] for pose in push.track.poses):
+            poses = np.array(push.track.poses, float).reshape(-1, 7)
         if len(times) != len(poses) or not np.isfinite(poses).all() or not (np.diff(times) > 0).all() or not len(times):
             raise RecordingError(f"{path}: push {number} is no way of a tool; run `dipac probe --recordings` again.")
         tracks.append(Track(times_s=times, poses=poses))

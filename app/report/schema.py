@@ -84,10 +84,10 @@ class HeldoutEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class TrackEntry(Struct, frozen=True, kw_only=True):
-    """Times [s] and poses of the tool's tip: x y z [m], quaternion w x y z."""
+    """Times [s] and poses of the tool's tip: x y z [m], quaternion w x y z, and of a gripper its opening [m]."""
 
     times_s: tuple[float, ...]
-    poses: tuple[tuple[float, float, float, float, float, float, float], ...]
+    poses: tuple[Annotated[tuple[float, ...], Meta(min_length=7, max_length=8)], ...]
 
 
 @final

@@ -10,6 +10,7 @@ import pytest
 from app.commands._case import VERDICT, read_case
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
+from app.policy.random_carries import carry_design, random_carry
 from app.policy.random_pushes import PushDesign, random_track
 from app.report import verdict_json
 from tests.planner.table import rope
@@ -63,9 +64,11 @@ def test_a_verdict_about_another_task_is_refused(folder: Path) -> None:
 @pytest.mark.parametrize("task", ["bean_sweep", "cloth_hang", "pour_water"])
 def test_of_what_is_not_pushed_the_next_motion_is_told_in_words_alone(tmp_path: Path, task: str) -> None:
     case = cases.a_set()
-    case = replace(case, amount=replace(case.amount, task=task))
+    assert case.next_push is not None
+    start = np.array([0.55, -0.15, 0.25, 0.0, 1.0, 0.0, 0.0, 0.004])
+    track = random_carry(np.random.default_rng(1), start, carry_design(1, 1), start_s=0.0, closed_m=0.004)
+    case = replace(case, amount=replace(case.amount, task=task), next_push=replace(case.next_push, track=track))
     (tmp_path / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     found = read_case(tmp_path, task, Site(), 1.0, True)
-    assert case.next_push is not None
     assert found.verdict.next_push == case.next_push.text
     assert found.asked == ()
