@@ -1,4 +1,4 @@
-"""A push that somebody asked for is moved to where the object is, and nothing else of it changes."""
+"""A push or a sweep that somebody asked for is moved to where the object is, and nothing else of it changes."""
 
 from dataclasses import replace
 
@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.errors import PlanningError
+from app.core.errors import PlanningError, UsageError
 from app.core.geometry.track import Track
 from app.jobs.suggested_push import aim_at, motion_of, plan_of_suggestion
 from app.jobs.worker_api import nominal_model
 from app.planner.actions.actions import Pushes
+from app.planner.actions.sweep_actions import Sweeps
 from app.policy.random_pushes import PushDesign, random_track
+from app.policy.random_sweeps import random_sweep, sweep_design
 from app.tasks import load
 from tests.planner.table import rope
 
@@ -69,3 +71,51 @@ def test_the_plan_of_an_asked_push_is_simulated_and_of_one_branch() -> None:
     assert found.motion.digest() == motion.digest()
     assert np.linalg.norm(found.predicted - rope(), axis=1).max() > 0.01
     assert np.isfinite(found.predicted_chamfer_m2)
+
+
+BEANS = load("bean_sweep")
+SWEEPS = BEANS.actions
+assert isinstance(SWEEPS, Sweeps)
+COUNT = BEANS.preset("cpu").particle_count
+
+
+def beans(seed: int) -> np.ndarray:
+    return BEANS.particles(BEANS.start(seed), COUNT)
+
+
+def sweep(seed: int) -> Track:
+    stroke = random_sweep(
+        np.random.default_rng(seed), beans(1), sweep_design(1, 1), radius_m=0.005, half_m=SWEEPS.half_m
+    )
+    return stroke.track(start_s=10.0, height_m=SWEEPS.height_m)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sweep_becomes_a_motion_with_the_paddle_across_its_way_at_its_own_speed(seed: int) -> None:
+    wanted = sweep(seed)
+    motion = motion_of(wanted, SWEEPS, SITE)
+    low = wanted.positions[wanted.positions[:, 2] < SWEEPS.height_m + 1e-4]
+    np.testing.assert_allclose(motion.positions[[1, 2], :2], low[[0, -1], :2], atol=1e-6)
+    way, turn = motion.positions[2] - motion.positions[1], motion.turns[1]
+    across = np.array([turn[1] ** 2 - turn[2] ** 2, 2 * turn[1] * turn[2]])
+    assert across @ way[:2] == pytest.approx(0.0, abs=1e-6)
+    fastest = np.linalg.norm(np.diff(low, axis=0), axis=1).max() / 0.02
+    assert 0.4 * min(fastest, SITE.limits.speed_m_s) < motion.speeds[2] <= min(fastest, SITE.limits.speed_m_s) + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(2, 5))
+def test_a_sweep_follows_beans_that_lie_elsewhere_and_takes_some_along(seed: int) -> None:
+    motion, x = motion_of(sweep(0), SWEEPS, SITE), beans(seed)
+    found = aim_at(motion, x, SWEEPS, SITE)
+    np.testing.assert_allclose(np.diff(found.positions, axis=0), np.diff(motion.positions, axis=0), atol=1e-12)
+    np.testing.assert_array_equal(found.turns, motion.turns)
+    plan = plan_of_suggestion("bean_sweep", x, BEANS.goal(seed, COUNT), nominal_model("bean_sweep"), motion)
+    assert plan.motion.digest() == found.digest()
+    assert plan.branches[0].tool_path.shape[1] == 3
+    assert np.linalg.norm(plan.predicted - x, axis=1).max() > 0.01
+
+
+def test_what_is_neither_pushed_nor_swept_is_refused() -> None:
+    motion = motion_of(sweep(0), SWEEPS, SITE)
+    with pytest.raises(UsageError, match="pour_water has none"):
+        plan_of_suggestion("pour_water", beans(1), beans(1), nominal_model("pour_water"), motion)
