@@ -9,20 +9,20 @@ import msgspec
 import numpy as np
 
 from app import __version__
+from app.core.errors import RecordingError
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.perception.body.resample_to_count import resample_to
+from app.perception.body.resample_to_count import resample_bodies
 from app.recording.exchange.npz_import import Plain, PlainEpisode, PlainObservation
+from app.tasks.elements.base import Task
 
 NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""
 
 
-def imported_messages(
-    plain: Plain, task: str, particle_count: int, setup: MeasuredSetup | None = None
-) -> Iterator[Message]:
-    """All of it, in the order in which it happened, each object as so many particles.
+def imported_messages(plain: Plain, task: Task, setup: MeasuredSetup | None = None) -> Iterator[Message]:
+    """All of it, in the order in which it happened, each object as many particles as the CPU preset has.
 
     A cloud stands in its `Particles` as the surface, as it was given. `setup`: what is simulated, and who says so.
     """
@@ -32,7 +32,7 @@ def imported_messages(
         yield Episode(
             id=fresh_id("episode"),
             time_s=first.time_s,
-            task=task,
+            task=task.recorded_name,
             rig="imported",
             seed=0,
             simulated=False,
@@ -44,7 +44,7 @@ def imported_messages(
             for sight in sights:
                 frames = sight.frames() if sight.frames else ()
                 yield from frames
-                particles = _particles(sight, particle_count, tuple(frame.id for frame in frames))
+                particles = _particles(sight, task, tuple(frame.id for frame in frames))
                 seen.append(particles)
                 yield particles
                 table = episode.table if number == 0 and sight is first else episode.table[:0]
@@ -59,12 +59,16 @@ def imported_messages(
             yield from _motion_messages(episode, seen)
 
 
-def _particles(sight: PlainObservation, count: int, frames: tuple[MessageId, ...]) -> Particles:
+def _particles(sight: PlainObservation, task: Task, frames: tuple[MessageId, ...]) -> Particles:
+    try:
+        positions = resample_bodies(sight.cloud, task.preset("cpu").particle_count, task.scene.split)
+    except ValueError as error:
+        raise RecordingError(f"A cloud of {task.name} at {sight.time_s:g} s: {error}") from None
     return Particles(
         id=fresh_id("particles"),
         cause=frames,
         time_s=sight.time_s,
-        positions=resample_to(sight.cloud, count),
+        positions=positions,
         surface=sight.cloud,
         reconstruction_s=0.0,
     )

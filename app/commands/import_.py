@@ -104,8 +104,7 @@ def _import_plain(
         known, notes = _resize_task(known, plain)
     else:
         notes = _unused_sizes(known, plain)
-    count = known.preset("cpu").particle_count
-    _write(output, imported_messages(plain, known.recorded_name, count, setup), began_ns)
+    _write(output, imported_messages(plain, known, setup), began_ns)
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
     terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.recorded_name}.")
     for note in (*remarks, *notes):

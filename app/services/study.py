@@ -19,7 +19,7 @@ from app.core.types import OPENING, Cloud, Points, Poses
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.jobs.discovery_subject import subject_of
-from app.perception.body.resample_to_count import resample_to
+from app.perception.body.resample_to_count import resample_bodies
 from app.recording.library.recording_index import counted_once
 from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
@@ -179,13 +179,13 @@ def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
 
 
 def _push(number: int, transition: Transition, episode: _Recorded, subject: Subject) -> Push:
-    executed, count = transition.executed, subject.particle_count
+    executed = transition.executed
     before, after = transition.before, transition.after
 
     def view(time_s: float, points: Points) -> ProjectionView:
         sighting = episode.sightings.get(time_s)
         finger = sighting.tool if sighting is not None and len(sighting.tool) else None
-        return ProjectionView(time_s=time_s, points=_resample(points, count, episode.path), finger=finger)
+        return ProjectionView(time_s=time_s, points=_resample(points, subject, episode.path), finger=finger)
 
     return Push(
         episode=number,
@@ -228,9 +228,9 @@ def _observed_at_s(points: Points, cause: tuple[MessageId, ...], episode: _Recor
     return min(times, key=lambda time_s: abs(time_s - otherwise_s), default=otherwise_s)
 
 
-def _resample(cloud: Cloud, count: int, path: Path) -> Points:
+def _resample(cloud: Cloud, subject: Subject, path: Path) -> Points:
     try:
-        return resample_to(cloud, count)
+        return resample_bodies(cloud, subject.particle_count, subject.scene.split)
     except ValueError as error:
         raise RecordingError(f"{path}: a cloud cannot be compared with the simulation: {error}") from None
 

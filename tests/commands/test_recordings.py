@@ -15,7 +15,7 @@ from app.recording.format import digests
 from app.recording.library.label import labels
 from app.recording.library.recover import recover
 from app.recording.write.preflight import Room, check_folder
-from tests.recording.demonstrations import PUSHES, demonstration
+from tests.recording.demonstrations import PARTICLES, PUSHES, demonstration
 
 
 @pytest.fixture
@@ -136,6 +136,18 @@ def test_whole_recordings_leave_for_other_programs_and_the_others_are_named(
         with np.load(out / f"{min(stems)}.npz") as arrays:
             assert len(arrays["cloud_offsets"]) == 2 * PUSHES + 1
     refused(capsys, UsageError.exit_code, "export", folder, "--to", to, "-o", out)
+
+
+@pytest.mark.parametrize("task", ["pour_soup", "pour_water", "rope_push"])
+def test_arrays_of_pours_are_the_liquid_in_its_bowls_and_not_the_surface_that_is_seen(
+    tmp_path: Path, capsys, task: str
+) -> None:
+    demonstration(tmp_path / task, task=task, particles=PARTICLES)
+    said(capsys, "export", tmp_path / task, "--to", "npz", "-o", tmp_path / "out")
+    (file,) = (tmp_path / "out").iterdir()
+    with np.load(file) as arrays:
+        sizes = set(np.diff(arrays["cloud_offsets"]).tolist())
+    assert (sizes == {PARTICLES}) == task.startswith("pour")
 
 
 def test_recordings_of_the_same_name_get_files_of_their_own(tmp_path: Path, capsys) -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.types import Cloud
-from app.perception.body.resample_to_count import FEWEST, resample_to
+from app.perception.body.resample_to_count import FEWEST, resample_bodies, resample_to
 
 COUNT = 300
 
@@ -37,3 +37,16 @@ def test_particles_lie_where_the_cloud_is_and_cover_it(points: int) -> None:
 def test_hardly_any_points_are_refused() -> None:
     with pytest.raises(ValueError, match="too few"):
         resample_to(cloud(FEWEST - 1), COUNT)
+
+
+def test_bodies_of_a_cloud_stay_one_after_another() -> None:
+    def split(total: int) -> tuple[int, ...]:
+        return total - total // 5, total // 5
+
+    broth, pieces = cloud(400), cloud(100) + np.array([1.0, 0.0, 0.0], np.float32)
+    found = resample_bodies(np.concatenate([broth, pieces]), COUNT, split)
+    assert found.shape == (COUNT, 3)
+    assert np.array_equal(found[:, 0] > 0.5, np.arange(COUNT) >= split(COUNT)[0])
+    assert resample_bodies(found, COUNT, split) is found
+    with pytest.raises(ValueError, match="too few"):
+        resample_bodies(cloud(FEWEST + 20), COUNT, split)

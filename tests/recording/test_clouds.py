@@ -46,6 +46,18 @@ def test_arrays_are_read_back_as_pushes(tmp_path: Path) -> None:
     assert np.array_equal(own.poses, made.commanded)
 
 
+def test_arrays_are_of_particles_where_these_are_asked_for_unless_they_were_imported(tmp_path: Path) -> None:
+    path = demonstration(tmp_path, task="pour_water")
+    write_npz(path, tmp_path / "pushes.npz", "particles")
+    (episode,) = read_plain(tmp_path / "pushes.npz").episodes
+    seen = [message for message in read_messages(path, [Particles]) if isinstance(message, Particles)]
+    assert np.array_equal(episode.pushes[0][0].cloud, seen[0].positions)
+    import_(tmp_path / "pushes.npz", output=tmp_path / "again.mcap")
+    write_npz(tmp_path / "again.mcap", tmp_path / "again.npz", "particles")
+    (again,) = read_plain(tmp_path / "again.npz").episodes
+    assert np.array_equal(again.pushes[0][0].cloud, seen[0].positions)
+
+
 def test_what_was_imported_and_exported_is_what_it_was(tmp_path: Path) -> None:
     arrays = plain_arrays(without=("during", "tool", "table"))
     first, second = tmp_path / "first.mcap", tmp_path / "second.npz"

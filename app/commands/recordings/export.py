@@ -22,6 +22,7 @@ from app.core.system.disk import link_target, path_beside
 from app.recording.format.names import numbered_names
 from app.recording.library.recording_index import Entry, shelf
 from app.recording.read.clouds import What, write_npz, write_ply
+from app.tasks import load, names
 
 Format: TypeAlias = Literal["lerobot", "npz", "ply"]
 _FASTEST_FPS = 100
@@ -60,16 +61,16 @@ def export(
         raise UsageError(f"{output} is not an empty folder; choose another with -o, so that nothing is written over.")
     with _atomic_folder(output) as folder, counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("recordings", total=len(entries))
-        paths = [entry.path for entry in entries]
         if to == "lerobot":
             from app.recording.exchange.lerobot import dataset  # Others do not need its packages.
 
+            paths = [entry.path for entry in entries]
             exported = dataset.export(paths, folder, fps=fps, rest_s=rest, done=lambda _: progress.advance(bar))
             told = f"{exported.episodes} episodes, {exported.steps} steps at {fps} a second."
             if not exported.is_placed:
                 told += " Their cameras move or differ, so nothing in the dataset says where they are."
         else:
-            told = _write_each(progress, bar, paths, folder, to, what)
+            told = _write_each(progress, bar, entries, folder, to, what)
     terminal.print(f"{output}: {told}")
 
 
@@ -103,13 +104,17 @@ def _chosen(terminal: Console, entries: Sequence[Entry], labelled: str | None) -
     return chosen
 
 
-def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: Path, to: Format, what: What) -> str:
+def _write_each(progress: Progress, bar: TaskID, entries: Sequence[Entry], folder: Path, to: Format, what: What) -> str:
     """Arrays or clouds of each recording; returns what was written, in words. One that has none is left out."""
     counts, taken = list[int](), set[str]()
-    for path in paths:
+    for entry in entries:
+        path = entry.path
         stem = next(name for name in numbered_names(path.stem) if name not in taken)
         try:
-            count = write_npz(path, folder / f"{stem}.npz") if to == "npz" else write_ply(path, folder / stem, what)
+            if to == "npz":
+                count = write_npz(path, folder / f"{stem}.npz", _what_is_compared(entry.task))
+            else:
+                count = write_ply(path, folder / stem, what)
         except RecordingError as error:
             progress.console.print(f"{path} is left out: {error}")
         else:
@@ -117,5 +122,11 @@ def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: 
             taken.add(stem)
         progress.advance(bar)
     if not counts:
-        raise RecordingError(f"None of {len(paths)} recordings holds what {to} files are made of.")
+        raise RecordingError(f"None of {len(entries)} recordings holds what {to} files are made of.")
     return f"{sum(counts)} {'pushes' if to == 'npz' else 'clouds'} of {len(counts)} recordings."
+
+
+def _what_is_compared(task: str) -> What:
+    """The clouds by which objects of a task are compared: of a liquid its surface does not say how much is where."""
+    problem = task.partition("(")[0]
+    return "particles" if problem in names() and load(problem).perception.standing else "surface"

@@ -1,5 +1,7 @@
 """Resampling of a cloud of any size to a given number of particles."""
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float32
 from scipy.spatial import KDTree
@@ -22,6 +24,14 @@ def resample_to(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
     if len(cloud) < FEWEST:
         raise ValueError(f"{len(cloud)} points are too few; at least {FEWEST} are needed.")
     return resample(_fill_up(cloud, 2 * count) if len(cloud) < count else cloud, count, seed=seed)
+
+
+def resample_bodies(cloud: Cloud, count: int, split: Callable[[int], tuple[int, ...]]) -> Points:
+    """The same of a cloud of several bodies, one after another; `split`: numbers of points of each, of a total."""
+    if len(cloud) == count:
+        return cloud
+    parts = np.split(cloud, np.cumsum(split(len(cloud)))[:-1])
+    return np.concatenate([resample_to(part, own) for part, own in zip(parts, split(count), strict=True)])
 
 
 def _fill_up(cloud: Cloud, least: int) -> Float32[np.ndarray, "_ 3"]:

@@ -33,7 +33,7 @@ def write_ply(path: Path, folder: Path, what: What) -> int:
         if count == 0:
             folder.mkdir(parents=True)
             first_s = particles.time_s
-        cloud = particles.positions if what == "particles" else particles.surface
+        cloud = _cloud(particles, what)
         name = f"{count:05d}-{particles.time_s - first_s:08.3f}s.ply"
         trimesh.PointCloud(cloud).export(str(folder / name))
         count += 1
@@ -42,11 +42,11 @@ def write_ply(path: Path, folder: Path, what: What) -> int:
     return count
 
 
-def write_npz(path: Path, file: Path) -> int:
+def write_npz(path: Path, file: Path, what: What = "surface") -> int:
     """Write the pushes of the recording in the format of `dipac import`, with all clouds from before to after each.
 
-    The clouds are surfaces. Returns the number of pushes. Raises RecordingError where there is none; and as
-    `read_messages`.
+    The clouds are `what` of it; of imported data they are as they were given. Returns the number of pushes. Raises
+    RecordingError where there is none; and as `read_messages`.
     """
     recorded = _Recorded.read(path)
     pushes, tools = recorded.pushes, recorded.tools
@@ -55,7 +55,7 @@ def write_npz(path: Path, file: Path) -> int:
     sights = [(particles, index, phase) for index, push in enumerate(pushes) for particles, phase in push.sights]
     times, episodes = zip(*((particles.time_s, pushes[index].episode) for particles, index, _ in sights), strict=True)
     arrays = {
-        **_join("cloud", [particles.surface for particles, _, _ in sights]),
+        **_join("cloud", [_cloud(particles, what if recorded.made_here else "surface") for particles, _, _ in sights]),
         "cloud_time": _apart(np.array(times), np.array(episodes)),
         "cloud_episode": np.array(episodes, np.int32),
         "cloud_push": np.array([index for _, index, _ in sights], np.int32),
@@ -85,6 +85,10 @@ class _Push(NamedTuple):
     sights: Sequence[tuple[Particles, str]]
 
 
+def _cloud(particles: Particles, what: What) -> Cloud:
+    return particles.positions if what == "particles" else particles.surface
+
+
 def _clouds(path: Path) -> Iterator[Particles]:
     return (message for message in read_messages(path, [Particles]) if isinstance(message, Particles))
 
@@ -95,13 +99,14 @@ class _Recorded:
     """Content of a recording in the plain format.
 
     `tools`: the tool's points by the time of their observation; `tables`: the bare table's by the index of the episode;
-    `about`: what is known of task, tool and object.
+    `about`: what is known of task, tool and object; `made_here`: whether nothing of it was imported.
     """
 
     pushes: list[_Push] = field(default_factory=list)
     tools: dict[float, Cloud] = field(default_factory=dict)
     tables: dict[int, Cloud] = field(default_factory=dict)
     about: dict[str, Any] = field(default_factory=dict)
+    made_here: bool = True
 
     @classmethod
     def read(cls, path: Path) -> "_Recorded":
@@ -111,6 +116,7 @@ class _Recorded:
                 case Episode():
                     episode += 1
                     found.about = found.about or _about(message)
+                    found.made_here &= message.rig != "imported"
                 case Particles():
                     seen.append(message)
                 case Sighting():
