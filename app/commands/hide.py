@@ -49,7 +49,10 @@ def hide(
     task: Annotated[
         str,
         tyro.conf.arg(
-            help="rope_push, also with sizes, as 'rope_push(radius_m=0.006)', bean_sweep, cloth_hang or pour_water"
+            help=(
+                "rope_push, also with sizes, as 'rope_push(radius_m=0.006)', bean_sweep, cloth_hang, pour_water or "
+                "pour_soup"
+            )
         ),
     ] = "rope_push",
     cameras: Annotated[int, tyro.conf.arg(help="how many look on, 1 to 3")] = 2,

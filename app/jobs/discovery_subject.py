@@ -8,13 +8,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
-from app.core.geometry.scene_description import Beans, Cloth, Liquid
+from app.core.geometry.scene_description import Beans, Cloth, Liquid, Soup
 from app.core.measured_setup import MeasuredSetup
 from app.core.messages import Parameter
 from app.discovery.checks.placement import centre
 from app.discovery.dataset.bowls import PouredBowls
 from app.discovery.dataset.model_under_test import RodModel, Subject, Theta, unknowns_of
-from app.discovery.dataset.object_kinds import CLOTH, GRAINS, LIQUID
+from app.discovery.dataset.object_kinds import CLOTH, GRAINS, LIQUID, SOUP
 from app.discovery.dataset.study import Study
 from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor
@@ -66,14 +66,13 @@ def subject_of(
             return _subject_of_grains(task, beans, sweeps, priors)
         case Cloth() as cloth, Carries():
             return _subject_of_cloth(task, cloth, priors)
-        case Liquid() as liquid, Pours():
-            return _subject_of_liquid(task, liquid, priors)
+        case (Liquid() | Soup()) as poured, Pours():
+            return _subject_of_liquid(task, poured, priors)
         case _, Pushes():
             pass
         case _:
             raise UsageError(
-                f"Discovery reads pushes of a rope, sweeps, carries of a cloth and pours of water; {task.name} is "
-                "another task."
+                f"Discovery reads pushes of a rope, sweeps, carries of a cloth and pours; {task.name} is another task."
             )
     rods = task.rods if task.dynamics == "rods" else None
     causes = _first_parameters_of_causes()
@@ -151,8 +150,8 @@ def _subject_of_cloth(task: Task, cloth: Cloth, priors: Sequence[Parameter]) -> 
     )
 
 
-def _subject_of_liquid(task: Task, liquid: Liquid, priors: Sequence[Parameter]) -> Subject:
-    """Model under test of a liquid that is poured; its grid reaches as far as spilled drops run."""
+def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Parameter]) -> Subject:
+    """Model under test of a liquid that is poured, pieces in it as well; its grid reaches as far as drops run."""
     held, (fixed,) = task.perception.held, task.perception.standing
     assert held is not None, task.name
     cells = round(_SPILT_M / task.scene.cell_m) * task.scene.cell_m
@@ -165,20 +164,20 @@ def _subject_of_liquid(task: Task, liquid: Liquid, priors: Sequence[Parameter]) 
     return Subject(
         scene=scene,
         time_scale=task.time_scale,
-        mass_kg=liquid.density_kg_m3 * liquid.volume_m3,
+        mass_kg=poured.mass_kg,
         length_m=2 * held.radius_m,
         radius_m=held.radius_m,
         low_m=high[2],
         particle_count=task.preset("cpu").particle_count,
         nominal=phi_of(nominal_model(task.name, priors)),
         calibrated=(),  # The bulk modulus does nothing to what is poured.
-        kind=LIQUID,
+        kind=SOUP if isinstance(poured, Soup) else LIQUID,
         bowls=PouredBowls(
             held_radius_m=held.radius_m,
             place_m=fixed.place_m,
             radius_m=fixed.radius_m,
             wall_m=_WALL_M,
-            volume_m3=liquid.volume_m3,
+            volume_m3=poured.volume_m3,
         ),
         priors=tuple(priors),
     )

@@ -24,8 +24,10 @@ _SHORT_M, _AIM_M = 0.02, 0.01
 """Distance of the lip from the fixed bowl's axis, and standard deviation of where it is, along x and y."""
 _TURN_RAD = 1.0, 2 * np.pi - 1.0
 """Range of the turn about the fixed bowl from where a motion begins to where it ends."""
-_FURTHER_RAD, _STEEPEST_RAD = (0.2, 0.4), 1.45
+WATER_FURTHER_RAD, _STEEPEST_RAD = (0.2, 0.4), 1.45
 """Range of the tilt beyond that in which so much would rest, which makes it flow in time; and the most."""
+SOUP_FURTHER_RAD = (0.25, 0.55)
+"""The same of a soup, whose pieces dam it until they slide over the lip: less lets hardly anything out, more all."""
 
 
 def pour_design(episodes: int, pushes: int) -> PushDesign:
@@ -82,17 +84,18 @@ def random_pour(
     *,
     volume_m3: float,
     radius_m: float,
+    further_rad: tuple[float, float] = WATER_FURTHER_RAD,
 ) -> PourMotion:
     """Random motion of a bowl of inner radius `radius_m` at `start` [m] towards a fixed one about `around` (x, y) [m].
 
-    `volume_m3`: of the liquid in it. It is tilted by as much as lets a random share of it out,
-    or so little that none comes out.
+    `volume_m3`: of the liquid in it. It is tilted by as much as lets a random share of it out, and by a random angle of
+    `further_rad` beyond, which makes it flow in time; or so little that none comes out.
     """
     away = start[:2] - around
     toward = -away / np.linalg.norm(away)
     share = rng.uniform(*_SHARES)
     depth = cap_depth_m((1 - share) * volume_m3, radius_m)
-    tilt = float(np.arcsin(1 - min(depth / radius_m, 1.0)) + rng.uniform(*_FURTHER_RAD))
+    tilt = float(np.arcsin(1 - min(depth / radius_m, 1.0)) + rng.uniform(*further_rad))
     tilt = min(tilt, _STEEPEST_RAD)
     if rng.uniform() < _SWINGS:
         tilt = float(rng.uniform(*_SWINGS_RAD))

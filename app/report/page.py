@@ -24,7 +24,7 @@ from app.report.sections.model import saved_model, stage_times
 from app.report.sections.next_push import next_push
 from app.report.sections.powers import powers
 from app.report.sections.verdict import headline
-from app.sim.effects.base import ObjectKind
+from app.sim.effects.base import LIQUIDS, ObjectKind
 
 SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("scope", "What was looked at", "How much there is, and what it cannot show.", scope),
@@ -44,7 +44,7 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
 
 
 _OMITTED: Final[Mapping[ObjectKind, frozenset[str]]] = {
-    "liquid": frozenset({"field", "frames"}),
+    **dict.fromkeys(LIQUIDS, frozenset({"field", "frames"})),
 }
 """Sections that a kind of object has none of: displacements over the table of what is compared by amounts."""
 

@@ -8,11 +8,11 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope, Soup
 from app.discovery.dataset.model_under_test import Family
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated.effect_sampling import InjectionRequest, draw, injectable_effects, not_injectable
-from app.rig.simulated.injected_effects.base import InjectedEffect
+from app.rig.simulated.injected_effects.base import LIQUIDS, InjectedEffect
 from app.sim.model.numerics import ANY_NUMERICS
 from app.tasks import load, name_with_dynamics
 from bench.hidden.outside import OUTSIDE
@@ -25,6 +25,7 @@ BODIES: Mapping[str, type[Body]] = {
     "rope_push": Rope,
     "bean_sweep": Beans,
     "cloth_hang": Cloth,
+    "pour_soup": Soup,
     "pour_water": Liquid,
 }
 """Class of each task's object."""
@@ -41,7 +42,7 @@ class Making:
 
     `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines, or of pieces, stands
     for them, and errors of images cannot be hidden; a cloth is always seen in images. `task`: whose object is moved.
-    Our own engine has ropes and water, of which MuJoCo has none: their world is the simulated cell's.
+    Our own engine has ropes and what is poured, of which MuJoCo has none: its world is the simulated cell's.
     """
 
     dynamics: Dynamics = "rods"
@@ -56,11 +57,11 @@ class Making:
     @property
     def worlds(self) -> tuple[World, ...]:
         """The worlds that have such an object."""
-        return WORLDS if self.body is Rope else ("own",) if self.body is Liquid else ("mujoco",)
+        return WORLDS if self.body is Rope else ("own",) if self.body in LIQUIDS else ("mujoco",)
 
     def is_of_cell(self, world: World) -> bool:
         """True if that world is the simulated cell's, in which `dipac hide` hides."""
-        return world == "mujoco" or self.body is Liquid
+        return world == "mujoco" or self.body in LIQUIDS
 
 
 AS_RODS = Making()

@@ -1,7 +1,8 @@
-"""Recordings of a drawn rope, drawn beans or water, without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
+"""Recordings of a drawn rope, drawn beans, water or soup, without images.
 
-A process of its own. ORDER.json is {task, world, seed, hidden: [[effect, size], ...], episodes, pushes}; sizes are in
-typical ones. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of the object, too.
+`python -m bench.hidden.made ORDER.json -o FOLDER`, a process of its own. ORDER.json is {task, world, seed, hidden:
+[[effect, size], ...], episodes, pushes}; sizes are in typical ones. Makes FOLDER/recordings/*.mcap and
+FOLDER/truth.json, which has the sizes of the object, too.
 """
 
 import argparse
@@ -17,10 +18,10 @@ from app.rig.simulated.effect_sampling import describe
 from bench.hidden.beans import BeanCase
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
+from bench.hidden.pours import POURED, PourCase
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.sizes import FLAT, drawn_cameras
-from bench.hidden.water import WaterCase
 
 
 def main() -> None:
@@ -40,9 +41,10 @@ def make(order: Mapping[str, Any], folder: Path) -> None:
         sweeps = sweep_design(plan.episodes, plan.pushes)
         beans = BeanCase(seed=seed, hidden=hidden, plan=sweeps, noise_m=noise_m, other_beans=True)
         task, effects, study = beans.task, describe(beans.injected), beans.record()
-    elif order["task"] == "pour_water":
-        water = WaterCase(seed=seed, hidden=hidden, plan=pour_design(plan.episodes, plan.pushes), noise_m=noise_m)
-        task, effects, study = water.task, describe(water.injected), water.record()
+    elif order["task"] in POURED:
+        pours = pour_design(plan.episodes, plan.pushes)
+        poured = PourCase(seed=seed, of=order["task"], hidden=hidden, plan=pours, noise_m=noise_m)
+        task, effects, study = poured.task, describe(poured.injected), poured.record()
     elif order["world"] == "own":
         own = OwnRope(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
         task, effects, study = own.task, own.world.effects, own.record()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, centre_of_bowl
+from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, centre_of_bowl, refill
 
 RADIUS_M = 0.055
 
@@ -34,3 +34,17 @@ def test_the_bowl_is_found_about_what_rests_in_it() -> None:
 
 def test_more_than_it_holds_stands_up_to_the_rim() -> None:
     assert cap_depth_m(1.0, RADIUS_M) == RADIUS_M
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8, 1.0, 1.2])
+def test_what_is_refilled_stands_as_deep_as_that_volume_and_inside_of_the_bowl(share: float) -> None:
+    place, volume_m3 = np.array([0.4, -0.1, 0.2]), 1.2e-4
+    whole = cap(cap_depth_m(volume_m3, RADIUS_M)) + place
+    other = refill(whole, place, RADIUS_M, volume_m3, share * volume_m3)
+    depth = cap_depth_m(share * volume_m3, RADIUS_M)
+    assert np.linalg.norm(other - place, axis=1).max() < RADIUS_M + 1e-6
+    assert other[:, 2].max() - place[2] + RADIUS_M == pytest.approx(depth, rel=0.01)
+    # It stays nearly as evenly spread: its middle is where that of as much would be.
+    assert place[2] - other[:, 2].mean() == pytest.approx(cap_centroid_m(depth, RADIUS_M), abs=5e-4)
+    if share == 1.0:
+        np.testing.assert_allclose(other, whole, atol=1e-12)

@@ -12,6 +12,7 @@ from app.tasks.elements.pouring import pool_points
 
 TASK = load("pour_water")
 SUBJECT = subject_of(TASK)
+SOUP = subject_of(load("pour_soup"))
 assert SUBJECT.bowls is not None
 BOWLS, COUNT = SUBJECT.bowls, SUBJECT.particle_count
 SLOT_S = 10.0

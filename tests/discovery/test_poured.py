@@ -3,17 +3,27 @@
 import numpy as np
 import pytest
 
+from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.dataset.object_kinds import CLOTH, GRAINS, ROPE
 from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M
 from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.simulation_batch import PushParticles, prepare
-from tests.discovery.pours import BOWLS, COUNT, SUBJECT, study_of, water
+from tests.discovery.pours import BOWLS, COUNT, SOUP, SUBJECT, study_of, water
 
 
 def test_causes_of_the_table_are_not_asked_about_and_those_of_liquids_are() -> None:
     causes = {cause.name for cause in SUBJECT.catalogue().causes}
     assert {"liquid_viscosity", "shear_thinning", "adhesion", "table_tilt", "tcp_offset", "command_delay"} <= causes
     assert not causes & {"friction_map", "stribeck", "cohesion", "mass_heterogeneity", "mask_erosion", "draught"}
+
+
+def test_soup_is_asked_about_its_pieces_as_well_and_nothing_else_is() -> None:
+    water, soup = ({cause.name for cause in each.catalogue().causes} for each in (SUBJECT, SOUP))
+    assert soup - water == {"piece_stiffness"}
+    assert "fill_level" in water < soup
+    solids = {cause.name for kind in (ROPE, GRAINS, CLOTH) for cause in catalogue(kind=kind).causes}
+    assert not solids & {"piece_stiffness", "fill_level"}
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
@@ -71,6 +81,25 @@ def test_models_that_differ_in_cameras_and_in_what_the_arm_measures_are_one_simu
     seen[known.column("depth_bias")] = 0.004
     late[known.column("command_delay")] = 0.1
     moved[known.column("tcp_x")] = 0.003
-    jobs = [(q, 0) for q in range(4)]
-    alike = predictor.group_alike(trials, jobs, [plain, seen, late, moved])
-    assert dict(alike) == {(0, 0): jobs[:3], (3, 0): jobs[3:]}
+    fuller = plain.copy()
+    fuller[known.column("fill_level")] = 0.1
+    jobs = [(q, 0) for q in range(5)]
+    alike = predictor.group_alike(trials, jobs, [plain, seen, late, moved, fuller])
+    assert dict(alike) == {(0, 0): jobs[:3], (3, 0): jobs[3:4], (4, 0): jobs[4:]}
+
+
+@pytest.mark.parametrize("more", [-0.2, 0.0, 0.2])
+def test_a_fuller_bowl_begins_fuller_and_all_of_it_is_seen_in_the_end(more: float) -> None:
+    place = np.array([0.42, 0.05, 0.144])
+    before, after = water(0.3, place), water(1.0, place)
+    filled = BOWLS.fill(before, place, more)
+    held = ~BOWLS.inside(before)
+    assert np.array_equal(filled[~held], before[~held])
+    assert BOWLS.holds(filled[held], place).all()
+    assert np.sign((filled[held] - before[held])[:, 2].mean()) == np.sign(more)
+    trials, known = prepare(study_of((0.3, 1.0)), SUBJECT), SUBJECT.catalogue()
+    theta = known.nominal(SUBJECT)
+    theta[known.column("fill_level")] = more
+    shown = BOWLS.share(Predictor(SUBJECT, known).observe_level(trials, 0, after, theta))
+    # The level in the bowl is that of all there is, up to what a reconstruction knows of.
+    assert shown == pytest.approx(min(1.0, 1.0 + more), abs=2 / COUNT)

@@ -51,6 +51,8 @@ def test_an_effect_vanishes_at_its_null(name: str) -> None:
         np.testing.assert_allclose(effect.see(cloud(), eye, nothing), cloud(), atol=1e-12)
     if effect.late_s is not None:
         assert effect.late_s(nothing) == 0.0
+    if effect.more is not None:
+        assert effect.more(nothing) == 0.0
 
 
 @every_effect
@@ -66,6 +68,8 @@ def test_an_effect_does_something_at_its_typical_size_and_about_half_of_it_at_ha
             parts.append(effect.see(cloud(), eye, at) - cloud())
         if effect.late_s is not None:
             parts.append(np.array([[effect.late_s(at)]]))
+        if effect.more is not None:
+            parts.append(np.array([[effect.more(at)]]))
         return np.concatenate([part.ravel() for part in parts])
 
     whole, half = done(1.0), done(0.5)
@@ -77,7 +81,7 @@ def test_an_effect_does_something_at_its_typical_size_and_about_half_of_it_at_ha
 def test_an_effect_says_what_it_is_in_the_fields_words_with_a_size_and_its_unit(name: str) -> None:
     effect, doc = CATALOGUE[name], inspect.getdoc(MODULES[name]) or ""
     assert len(doc.splitlines()) >= 3
-    assert any(hook is not None for hook in (effect.drive, effect.see, effect.late_s))
+    assert any(hook is not None for hook in (effect.drive, effect.see, effect.late_s, effect.more))
     for spec in effect.parameters:
         assert spec.nominal == 0.0
         assert spec.typical is not None

@@ -10,14 +10,14 @@ from typing import TypeAlias
 
 from bench.hidden.beans import BeanCase
 from bench.hidden.cloths import ClothCase
+from bench.hidden.pours import PourCase
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict
-from bench.hidden.water import WaterCase
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "hidden"
-Case: TypeAlias = RopeCase | BeanCase | ClothCase | WaterCase
+Case: TypeAlias = RopeCase | BeanCase | ClothCase | PourCase
 
 
 def concluded(case: Case) -> Verdict:

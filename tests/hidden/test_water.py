@@ -17,14 +17,14 @@ from app.rig.simulated.worlds.world import Snapshot
 from app.services.study import read_study
 from app.tasks import load
 from bench.hidden.draws import Chosen
-from bench.hidden.water import WaterCase, view_of_water
+from bench.hidden.pours import PourCase, view_of_pour
 
-TASK = WaterCase(seed=0).task
+TASK = PourCase(seed=0).task
 BOWLS = subject_of(load("pour_water")).bowls or pytest.fail("the task has bowls")
 
 
-def case(*effects: str, seed: int = 7) -> WaterCase:
-    return WaterCase(seed=seed, hidden=tuple(Chosen(effect=name, size=1.0) for name in effects), plan=pour_design(1, 2))
+def case(*effects: str, seed: int = 7) -> PourCase:
+    return PourCase(seed=seed, hidden=tuple(Chosen(effect=name, size=1.0) for name in effects), plan=pour_design(1, 2))
 
 
 def at_rest(share: float, aside_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StampedSnapshot:
@@ -43,7 +43,7 @@ def at_rest(share: float, aside_m: tuple[float, float, float] = (0.0, 0.0, 0.0))
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_a_view_shows_how_much_was_poured_and_the_rest_where_the_kinematics_have_the_bowl(share: float) -> None:
     look, rng = at_rest(share, (0.006, 0.0, 0.0)), np.random.default_rng(0)
-    points = view_of_water(TASK, look, rng).points
+    points = view_of_pour(TASK, look, rng).points
     assert look.told is not None
     assert points.shape == (300, 3)
     assert BOWLS.share(points) == pytest.approx(share, abs=0.08)
@@ -56,7 +56,7 @@ def test_noisier_cameras_err_more() -> None:
     look = at_rest(0.5)
 
     def scatter(scale: float) -> float:
-        found = [BOWLS.share(view_of_water(TASK, look, np.random.default_rng(n), scale).points) for n in range(6)]
+        found = [BOWLS.share(view_of_pour(TASK, look, np.random.default_rng(n), scale).points) for n in range(6)]
         return float(np.std(found))
 
     assert scatter(0.0) < 0.005 < scatter(3.0)

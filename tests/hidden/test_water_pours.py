@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import pytest
 
 from app.policy.random_pours import pour_design
-from bench.hidden.water import WaterCase
+from bench.hidden.pours import PourCase
 from tests.hidden.arm_errors import ARM, NOTHING, Verdicts, cases, concluding
 
 pytestmark = [pytest.mark.slow, pytest.mark.serial, pytest.mark.timeout(3600)]
 
-CASES = cases(lambda seed, hidden: WaterCase(seed=seed, hidden=hidden, plan=pour_design(4, 3)), first_seed=4200)
+CASES = cases(lambda seed, hidden: PourCase(seed=seed, hidden=hidden, plan=pour_design(4, 3)), first_seed=4200)
 
 
 @pytest.fixture(scope="module")

@@ -241,6 +241,16 @@ def test_one_of_its_switches_has_a_response(name: str):
     assert max(np.abs(differences(case, point)[-1] * SPAN)[columns].max() for case in CASES for point in POINTS) > 0.02
 
 
+def test_the_stiffness_of_pieces_is_none_of_the_liquid_that_they_swim_in():
+    column = [spec.name for spec in PARAMETERS].index("piece_stiffness")
+    softer = null()
+    softer[column] = 0.4
+    ends = {name: np.asarray(it.ends(np.stack([null(), softer])).x) for name, it in CASES.items()}
+    moved = {name: np.ptp(x, axis=0).max() for name, x in ends.items()}
+    assert moved["syrup"] == 0.0
+    assert moved["rope"] > 1e-5
+
+
 def test_an_effect_acts_on_material_points_or_on_rods_and_else_is_none():
     assert {name for name, effect in CATALOGUE.items() if effect.rod is None} <= set(OF_POINTS)
     assert {name for name in CATALOGUE if name not in OF_POINTS} == {"permanent_set"}

@@ -56,6 +56,17 @@ def test_pushes_of_a_rope_that_is_stiffer_than_that_bears_doubt_the_one_of_stiff
     assert found.nominal[STIFFNESS] >= stiff.nominal[STIFFNESS]
 
 
-def test_a_task_of_soup_is_refused_as_another_one_than_those_that_are_read() -> None:
-    with pytest.raises(UsageError, match="pours of water; pour_soup is another task"):
-        subject_of(load("pour_soup"))
+def test_a_soup_is_a_liquid_of_pieces_and_broth_each_with_its_particles() -> None:
+    soup, water = subject_of(load("pour_soup")), subject_of(load("pour_water"))
+    assert (soup.kind.name, water.kind.name) == ("soup", "liquid")
+    assert soup.kind.is_poured
+    assert soup.scene.split(soup.particle_count) == (239, 61)
+    assert soup.bowls is not None
+    assert soup.bowls.volume_m3 == pytest.approx(96e-6 + 6 * 0.016**3)
+    assert soup.mass_kg == pytest.approx(0.096 + 3 * 0.016**3 * (900 + 700))
+
+
+def test_a_soup_that_is_swept_is_refused_as_another_task_than_those_that_are_read() -> None:
+    swept = replace(load("pour_soup"), actions=load("bean_sweep").actions)
+    with pytest.raises(UsageError, match="carries of a cloth and pours; pour_soup is another task"):
+        subject_of(swept)

@@ -3,6 +3,9 @@
 import numpy as np
 from jaxtyping import Float, Float64
 
+_NARROWEST_M = 1e-3
+"""Half width of a bowl at its bottom, below which it is as wide."""
+
 
 def cap_depth_m(volume_m3: float, radius_m: float) -> float:
     """Depth [m] of a spherical cap of this volume in a bowl of this inner radius; the radius where it overflows."""
@@ -19,6 +22,21 @@ def centre_of_bowl(x: Float[np.ndarray, "K 3"], radius_m: float, volume_m3: floa
     """Centre [m] of the sphere of an upright bowl in which the liquid `x` (K, 3) [m] rests."""
     depth = cap_depth_m(volume_m3, radius_m)
     return x.mean(axis=0).astype(np.float64) + np.array([0.0, 0.0, cap_centroid_m(depth, radius_m)])
+
+
+def refill(
+    x: Float64[np.ndarray, "K 3"], centre: Float64[np.ndarray, "3"], radius_m: float, volume_m3: float, to_m3: float
+) -> Float64[np.ndarray, "K 3"]:
+    """Points [m] of a liquid that rests in an upright bowl about `centre`, where it is `to_m3` and not `volume_m3`.
+
+    Each of its levels goes to the same share of the depth, and is widened as the bowl is there.
+    """
+    rises = cap_depth_m(to_m3, radius_m) / cap_depth_m(volume_m3, radius_m)
+    away = x - centre
+    low = np.clip(away[:, 2] + radius_m, 0.0, 2 * radius_m)
+    high = np.minimum(rises * low, 2 * radius_m)
+    before, after = (np.sqrt(np.maximum(height * (2 * radius_m - height), _NARROWEST_M**2)) for height in (low, high))
+    return centre + np.column_stack([away[:, :2] * (after / before)[:, None], high - radius_m])
 
 
 def cap_surface_m2(volume_m3: float, radius_m: float) -> float:

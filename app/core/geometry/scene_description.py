@@ -5,7 +5,7 @@ and a file in `app/rig/simulated/kinds`, which gives its simulation and its appe
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, final
+from typing import Literal, Self, TypeAlias, final
 
 from app.core.errors import UsageError
 from app.core.geometry.shapes.base import Colour
@@ -57,6 +57,15 @@ class Liquid:
     density_kg_m3: float = 1000.0
     drops: int = 2400
 
+    @property
+    def mass_kg(self) -> float:
+        """Its mass [kg]."""
+        return self.density_kg_m3 * self.volume_m3
+
+    def with_more(self, more_m3: float) -> Self:
+        """The same with so much more of it [m^3], of as many drops."""
+        return replace(self, volume_m3=self.volume_m3 + more_m3)
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +104,11 @@ class Soup:
         return self.liquid.colour
 
     @property
+    def along(self) -> int:
+        """Particles along the edge of a piece, the fewest of any kind."""
+        return min(kind.along for kind in self.pieces)
+
+    @property
     def solid_m3(self) -> float:
         """Total volume of the pieces [m^3]."""
         return sum(kind.volume_m3 for kind in self.pieces)
@@ -103,6 +117,15 @@ class Soup:
     def volume_m3(self) -> float:
         """Total volume of liquid and pieces [m^3]."""
         return self.liquid.volume_m3 + self.solid_m3
+
+    @property
+    def mass_kg(self) -> float:
+        """Total mass of liquid and pieces [kg]."""
+        return self.liquid.mass_kg + sum(kind.density_kg_m3 * kind.volume_m3 for kind in self.pieces)
+
+    def with_more(self, more_m3: float) -> Self:
+        """The same with so much more liquid [m^3], of as many drops."""
+        return replace(self, liquid=self.liquid.with_more(more_m3))
 
 
 @final

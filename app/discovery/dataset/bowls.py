@@ -6,11 +6,13 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.geometry.bowls import cap_surface_m2
+from app.core.geometry.bowls import cap_surface_m2, refill
 from app.core.types import Points
 
 _OUTSIDE_M = 0.003
 """Distance from the outside of a bowl within which a particle is in it: particles are centres of matter."""
+_LEAST = 0.05
+"""Share of what a bowl is said to hold that is in it at least."""
 
 
 @final
@@ -38,6 +40,23 @@ class PouredBowls:
         moved = points.copy()
         moved[self.holds(points, tool_m) & ~self.inside(points)] += (to_m - tool_m).astype(points.dtype)
         return moved
+
+    def fill(self, points: Points, tool_m: Float64[np.ndarray, "3"], more: float) -> Points:
+        """The points where there is more of the liquid in a held bowl at `tool_m`, by a share of all of it."""
+        held = self.holds(points, tool_m) & ~self.inside(points)
+        if not held.any() or more == 0:
+            return points
+        volume_m3, filled = float(held.mean()) * self.volume_m3, points.copy()
+        to_m3 = max(volume_m3 + more * self.volume_m3, _LEAST * volume_m3)
+        filled[held] = refill(points[held].astype(np.float64), tool_m, self.held_radius_m, volume_m3, to_m3)
+        return filled
+
+    def worth(self, share: float, more: float) -> float:
+        """Volume of a particle in the held bowl over that of others, where this `share` of all stands and more is held.
+
+        Particles are as many as if it was as much as is said.
+        """
+        return max(1 + more / (1 - share), _LEAST) if share < 1 else 1.0
 
     def share(self, points: Points) -> float:
         """Share of the liquid in the bowl that stands."""

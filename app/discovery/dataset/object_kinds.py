@@ -1,6 +1,6 @@
 """Kinds of objects that discovery tells apart, and what differs between them: everything else is one program."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, final
 
 from app.sim.effects.base import ObjectKind
@@ -45,3 +45,4 @@ CLOTH: Final = ObjectTraits(
 LIQUID: Final = ObjectTraits(
     name="liquid", has_length=False, is_chaotic=False, physics_null_sd=0.5, errs_with_tool=True, is_poured=True
 )
+SOUP: Final = replace(LIQUID, name="soup")

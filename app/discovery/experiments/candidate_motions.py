@@ -13,10 +13,10 @@ from app.discovery.dataset.bowls import PouredBowls
 from app.discovery.dataset.model_under_test import Catalogue, Subject
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.policy.random_carries import carry_design, random_carry
-from app.policy.random_pours import random_pour
+from app.policy.random_pours import SOUP_FURTHER_RAD, WATER_FURTHER_RAD, random_pour
 from app.policy.random_pushes import PushDesign, random_stroke
 from app.policy.random_sweeps import random_sweep, sweep_design
-from app.sim.effects.base import MIDDLE_M
+from app.sim.effects.base import MIDDLE_M, SOUPS
 
 Draw: TypeAlias = Callable[[np.random.Generator], Track]
 
@@ -83,7 +83,8 @@ def _draw_of(
 ) -> Draw:
     """Random motion of the subject's tool; one that holds the object goes on from its pose `start`."""
     if subject.bowls is not None:
-        return _pours(subject.bowls, seen, start[:3], start_s)
+        further_rad = SOUP_FURTHER_RAD if subject.kind.name in SOUPS else WATER_FURTHER_RAD
+        return _pours(subject.bowls, seen, start[:3], start_s, further_rad)
     if subject.kind.is_in_space:
         closed_m = float(start[OPENING])
         return lambda rng: random_carry(rng, start, carry_design(1, 1), start_s=start_s, closed_m=closed_m)
@@ -99,12 +100,18 @@ def _draw_of(
     )
 
 
-def _pours(bowls: PouredBowls, seen: ProjectionView, start_m: Float64[np.ndarray, "3"], start_s: float) -> Draw:
+def _pours(
+    bowls: PouredBowls,
+    seen: ProjectionView,
+    start_m: Float64[np.ndarray, "3"],
+    start_s: float,
+    further_rad: tuple[float, float],
+) -> Draw:
     left_m3 = (1 - bowls.share(seen.points)) * bowls.volume_m3
     around = bowls.place_m[:2]
-    return lambda rng: random_pour(rng, start_m, around, volume_m3=left_m3, radius_m=bowls.held_radius_m).track(
-        start_s=start_s
-    )
+    return lambda rng: random_pour(
+        rng, start_m, around, volume_m3=left_m3, radius_m=bowls.held_radius_m, further_rad=further_rad
+    ).track(start_s=start_s)
 
 
 def motion_words(

@@ -147,6 +147,7 @@ class Predictor:
         surface, eye = np.array([bowls.place_m]), Eye(np.asarray(trials.study.camera), None)
         by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
         share, first = bowls.share(points), bowls.share(trials.study.pushes[k].before.points)
+        share = first + bowls.worth(first, self.more(theta)) * (share - first)
         outflow, lip = OUTFLOW_STEP * theta[self._outflow[0]], LIP_STEP * theta[self._outflow[1]]
         poured = share - first
         share += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
@@ -190,6 +191,10 @@ class Predictor:
         """Delay of the image stamps: images are this much younger than they say."""
         late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
         return sum(late, 0.0)
+
+    def more(self, theta: Theta) -> float:
+        """Share of a liquid's volume by which there is more of it than was said."""
+        return sum((effect.more(values) for effect, values in self.catalogue.wrong(theta) if effect.more), 0.0)
 
     def _groups(self, trials: SimulationBatch, subject: Subject) -> list["_Group"]:
         """Pushes whose paths have as many blocks of time steps together."""
@@ -263,6 +268,7 @@ class Predictor:
             x = self.unproject(x, eye, theta)
         else:  # A reconstruction has it in the bowls as it knows them; the held one takes what is in it along.
             x = trials.bowls.carry(x, push.track.positions[0], track.positions[0])
+            x = trials.bowls.fill(x, track.positions[0], self.more(theta))
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
     def _tool(self, track: Track, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S T"]:
@@ -275,8 +281,8 @@ class Predictor:
 
 
 def _columns(effect: Apparatus, first: int) -> Sequence[int]:
-    """Columns of an error that moves no tool."""
-    return () if effect.drive is not None else _range(effect, first)
+    """Columns of an error that is in what is seen alone."""
+    return () if effect.drive is not None or effect.more is not None else _range(effect, first)
 
 
 def _range(effect: Apparatus, first: int) -> range:

@@ -93,7 +93,7 @@ def of_one_length(subject: Subject) -> bool:
 
 @lru_cache(maxsize=16)
 def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState, effects: tuple[Effect, ...]) -> Stepper:
-    simulate: Simulate = make_rollout(scene, particle_count=particles, effects=effects)
+    simulate: Simulate = make_rollout(scene, particle_count=scene.split(particles), effects=effects)
     own = columns_of(effects)
 
     @jax.jit

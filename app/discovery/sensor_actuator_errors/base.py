@@ -1,8 +1,8 @@
 """Interface of an apparatus effect: a module-level `EFFECT`.
 
-Two things can be wrong outside of the physics: the tool's true path (`drive`), and the cameras' observation of the
-scene (`see`, `late_s`). These are plain functions of arrays; the simulator is given the true tool path, and its
-predictions are observed through `see`.
+Three things can be wrong outside of the physics: the tool's true path (`drive`), the cameras' observation of the
+scene (`see`, `late_s`), and how much there is of what no camera sees whole (`more`). These are plain functions of
+arrays; the simulator is given the true tool path and content, and its predictions are observed through `see`.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,8 @@ class Apparatus:
     """An effect of sensing or of actuation, which vanishes where its parameters have their nominal (null) values.
 
     `drive(track, load, values)`: where the tip went, of where the record says it went; `see(points, eye, values)`:
-    where the cameras say that points are; `late_s(values)`: by how much images are younger than their stamps say.
+    where the cameras say that points are; `late_s(values)`: by how much images are younger than their stamps say;
+    `more(values)`: the share of a liquid's volume by which there is more of it than was said.
     `told`: whether the arm measures the effect itself, so that a measured track is free of it.
     `objects`, `spelling`: see `Effect`.
     """
@@ -57,6 +58,7 @@ class Apparatus:
     drive: Drive | None = None
     see: See | None = None
     late_s: Callable[[Values], float] | None = None
+    more: Callable[[Values], float] | None = None
     told: bool = False
     objects: frozenset[ObjectKind] = EVERY
     spelling: tuple[str, str] | None = None

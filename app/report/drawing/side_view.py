@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from app.sim.effects.base import ObjectKind
+from app.sim.effects.base import LIQUIDS, ObjectKind
 
 Projection: TypeAlias = Callable[[Float[np.ndarray, "M 3"]], Float[np.ndarray, "M 3"]]
 """Places [m] as they are drawn: across and up in the first two columns."""
@@ -25,7 +25,7 @@ SIDE: Final = View(("along the motion [m]", "height [m]"), "from the side")
 
 def view_of(kind: ObjectKind) -> View:
     """The view that shows a kind of object best."""
-    return SIDE if kind in {"cloth", "liquid"} else ABOVE
+    return SIDE if kind in LIQUIDS | {"cloth"} else ABOVE
 
 
 def projection(kind: ObjectKind, tool: Float[np.ndarray, "T 3"]) -> Projection:

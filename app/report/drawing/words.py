@@ -16,7 +16,13 @@ from app.sim.effects.base import ObjectKind
 _LISTED: Final = 4
 """Most effects listed in a sentence."""
 MINUS: Final = "\N{MINUS SIGN}"
-MOTION: Final[Mapping[ObjectKind, str]] = {"rope": "push", "grains": "sweep", "cloth": "carry", "liquid": "pour"}
+MOTION: Final[Mapping[ObjectKind, str]] = {
+    "rope": "push",
+    "grains": "sweep",
+    "cloth": "carry",
+    "liquid": "pour",
+    "soup": "pour",
+}
 """A motion of the tool, by the kind of object."""
 
 

@@ -14,6 +14,7 @@ from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.side_view import ABOVE, projection, view_of
 from app.report.drawing.words import MOTION, best, decimal
 from app.report.sections.verdict import unit_of
+from app.sim.effects.base import LIQUIDS
 
 _CLEAR = 2.0
 """Errors of the model by which two predictions differ clearly."""
@@ -51,7 +52,7 @@ def _drawing(case: Case, push: NextPush) -> Markup:
 
 def _has_ends(case: Case, push: NextPush) -> bool:
     """True if predictions are drawn: of a liquid they are amounts, and where it is beside them means nothing."""
-    return len(push.ends) > 1 and case.kind != "liquid"
+    return len(push.ends) > 1 and case.kind not in LIQUIDS
 
 
 def _detail(case: Case, push: NextPush) -> Markup:
@@ -87,7 +88,7 @@ def _names(push: NextPush) -> list[tuple[str, str]]:
 
 def _numbers(case: Case, push: NextPush) -> Markup:
     start, end = push.track.positions[0], push.track.positions[-1]
-    if case.kind == "liquid":
+    if case.kind in LIQUIDS:
         apart = f"{decimal(push.apart_mm, 1)} {unit_of(case)}"
     else:
         apart = best(push.apart_mm * 1e-3, push.apart_mm * 1e-3, push.apart_mm * 1e-3, "m")

@@ -5,6 +5,7 @@ import math
 from app.core.dialogue.words import sentence
 from app.discovery.results.case import Case, Gain
 from app.report.drawing.words import decimal, gain_and_interval, names, percent
+from app.sim.effects.base import LIQUIDS
 
 _KINDS = {
     "named": "A cause is named",
@@ -87,7 +88,7 @@ def is_extended(gain: Gain) -> bool:
 
 def unit_of(case: Case) -> str:
     """Unit of the errors: of what is poured they are hundredths of it."""
-    return "% of the liquid" if case.kind == "liquid" else "mm"
+    return "% of the liquid" if case.kind in LIQUIDS else "mm"
 
 
 def gain_sentence(gain: Gain, unit: str = "mm") -> str:

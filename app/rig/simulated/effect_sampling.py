@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope, RopeModel
+from app.core.geometry.scene_description import Beans, Body, Cloth, Liquid, Rope, RopeModel, Soup
 from app.rig.simulated import injected_effects
 from app.rig.simulated.injected_effects.base import Hidden, InjectedEffect, InjectedParameter
 from app.rig.simulated.worlds.physics import (
@@ -72,11 +72,11 @@ def check_world(hidden: Sequence[InjectedEffect], world: RopeModel) -> None:
         )
 
 
-def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | Liquid | None = None) -> WorldPhysics:
+def mistune(seed: int, world: RopeModel = "chain", body: Body | None = None) -> WorldPhysics:
     """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
     `body`: a rope of other sizes than the cell's, beans, whose resistance to rolling is perturbed, a cloth, or a
-    liquid, of which that is its bulk modulus.
+    liquid, with pieces or without, of which that is its bulk modulus.
     """
     table, tool, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
     if isinstance(body, Beans):
@@ -85,7 +85,7 @@ def mistune(seed: int, world: RopeModel = "chain", body: Rope | Beans | Cloth | 
     elif isinstance(body, Cloth):
         nominal = CLOTH_WORLD
         rubbing = replace(nominal, cloth=replace(nominal.cloth, membrane_n_m=nominal.cloth.membrane_n_m * stiffness))
-    elif isinstance(body, Liquid):
+    elif isinstance(body, Liquid | Soup):
         nominal, rubbing = LIQUID_WORLD, replace(LIQUID_WORLD, bulk_pa=LIQUID_WORLD.bulk_pa * stiffness)
     else:
         nominal = ROPE_WORLDS[world] if body is None else with_size(ROPE_WORLDS[world], body)

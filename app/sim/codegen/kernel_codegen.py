@@ -68,12 +68,13 @@ def particle_function(code: Code, law: Law, hooks: Hooks) -> WarpFunction:
         now: Any,
         then: Any,
     ):
-        own_mass = mass(m.mass, grain, phi)
-        tau, F_next = deform(m, stiffness(phi[0] * m.share, grain, phi), C, F, grain, phi)
+        own = grain
+        own.fluid = fluid
+        own_mass = mass(m.mass, own, phi)
+        tau, F_next = deform(m, stiffness(phi[0] * m.share, own, phi), C, F, grain, phi)
         if wp.static(viscous):
             rate = C + wp.transpose(C)
-            place = grain
-            place.fluid = fluid
+            place = own
             place.shear = 0.5 * wp.ddot(rate, rate)
             tau += viscosity(m.viscosity, place, phi) * rate
         affine = (-4.0 * k.dt * k.per_cell * m.volume) * tau + (k.cell * own_mass) * C

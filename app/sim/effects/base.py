@@ -10,13 +10,15 @@ from app.sim.parameter import NullPrior, ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 WarpFunction: TypeAlias = Callable[..., Any]
-ObjectKind: TypeAlias = Literal["rope", "grains", "cloth", "liquid"]
-"""Kind of object that an error may be asked about: by what it has, a length, pieces, threads, a level."""
-EVERY: frozenset[ObjectKind] = frozenset({"rope", "grains", "cloth", "liquid"})
+ObjectKind: TypeAlias = Literal["rope", "grains", "cloth", "liquid", "soup"]
+"""Kind of object that an error may be asked about: by what it has, a length, pieces, threads, a level, or a level and
+pieces."""
+EVERY: frozenset[ObjectKind] = frozenset({"rope", "grains", "cloth", "liquid", "soup"})
 NOT_CLOTH: frozenset[ObjectKind] = EVERY - {"cloth"}
 ROPES: frozenset[ObjectKind] = frozenset({"rope"})
 GRAINS: frozenset[ObjectKind] = frozenset({"grains"})
-LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid"})
+LIQUIDS: frozenset[ObjectKind] = frozenset({"liquid", "soup"})
+SOUPS: frozenset[ObjectKind] = frozenset({"soup"})
 ON_TABLES: frozenset[ObjectKind] = frozenset({"rope", "grains"})
 SOLIDS: frozenset[ObjectKind] = EVERY - LIQUIDS
 """Kinds that lie on the table or hang: what acts on the table, or at a place, does nothing to a liquid in bowls."""
@@ -49,8 +51,8 @@ class NodeContext:
 class ParticleContext:
     """A particle as effects see it; see `state.Setting` for `label` and `time`.
 
-    `fluid` is 1 for liquids, else 0; `shear` the square of its shear rate [1/s^2]; `stress` the norm of its deviatoric
-    stress [Pa]. What a hook is not about is 0.
+    `fluid` is 1 for liquids, else 0, and told to hooks on stiffness, mass and viscosity; `shear` the square of its
+    shear rate [1/s^2]; `stress` the norm of its deviatoric stress [Pa]. What a hook is not about is 0.
     """
 
     label: wp.vec4

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.geometry.scene_description import Liquid, Rope
+from app.core.geometry.scene_description import Rope, Soup
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.dataset.object_kinds import GRAINS, LIQUID
+from app.discovery.dataset.object_kinds import GRAINS, SOUP
 from app.jobs.discovery_subject import subject_of
 from app.rig.simulated import injected_effects
 from app.rig.simulated.cameras.cameras import table_cameras
@@ -22,6 +22,7 @@ from app.rig.simulated.injected_effects.base import (
     ON_TABLES_OR_POURED,
     ROPES,
     SOLIDS,
+    SOUPS,
     InjectedEffect,
     SensorImages,
 )
@@ -33,7 +34,8 @@ from tests.rig.scene import PUSH_Z, ROPE
 
 FILES, MODULES = injectable_effects(), dict(files_of(injected_effects))
 CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
-OF_LIQUIDS = catalogue(kind=LIQUID)
+OF_LIQUIDS = catalogue(kind=SOUP)
+"""Soup has all that water has."""
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
 HEFT = TASK.scene.gravity_m_s2 / 9.81
@@ -43,7 +45,7 @@ catalogued = pytest.mark.parametrize("name", [name for name, effect in FILES.ite
 in_the_world = pytest.mark.parametrize(
     "name", [name for name, e in FILES.items() if (e.family == "physics" or e.build) and Rope in e.bodies]
 )
-in_liquids = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.in_world and Liquid in e.bodies])
+in_liquids = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.in_world and Soup in e.bodies])
 
 
 def nothing(name: str) -> InjectedEffect:
@@ -91,6 +93,8 @@ def test_at_its_null_an_effect_leaves_arm_and_cameras_as_they_are(name: str) -> 
         assert np.array_equal(effect.seen(SensorImages(colour, depth, camera, ROPE.colour), values), depth)
     if effect.late_s is not None:
         assert effect.late_s(values) == 0.0
+    if effect.more is not None:
+        assert effect.more(values) == 0.0
 
 
 @in_the_world
@@ -156,7 +160,7 @@ def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_
 
 @in_liquids
 def test_an_effect_in_liquids_has_the_typical_sizes_that_their_catalogue_says(name: str) -> None:
-    main, cause = FILES[name].main_in(Liquid), OF_LIQUIDS.cause(name)
+    main, cause = FILES[name].main_in(Soup), OF_LIQUIDS.cause(name)
     spec = OF_LIQUIDS.specs[cause.columns[0]]
     assert spec.typical is not None
     assert main.typical == pytest.approx(spec.typical, rel=0.01)
@@ -193,6 +197,7 @@ def test_the_page_about_hidden_effects_says_which_objects_an_effect_can_be_in(na
         SOLIDS: "ropes, beans, cloths",
         ON_TABLES_OR_POURED: "ropes, beans, liquids",
         LIQUIDS: "liquids",
+        SOUPS: "soups",
         ANY_BODY: "any object",
     }
     said = named[FILES[name].bodies]

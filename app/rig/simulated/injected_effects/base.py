@@ -24,6 +24,7 @@ SOLIDS: Final = (Rope, Beans, Cloth)
 """Objects that a tool moves as it touches or holds them: ropes, beans and cloths."""
 LIQUIDS: Final = (Liquid, Soup)
 """Objects that are poured."""
+SOUPS: Final = (Soup,)
 ON_TABLES_OR_POURED: Final = (*ON_TABLES, *LIQUIDS)
 ANY_BODY: Final = (Rope, Beans, Cloth, Liquid, Soup)
 """Objects of every kind: errors of arm and cameras are in what moves and sees them."""
@@ -100,7 +101,8 @@ class Hidden:
     factor of a rope's hinges' or of beans' contacts', and `relaxed` the share of the hinges' elastic bend that becomes
     permanent in a duration. In the arm: `drive` is the tip's actual track for a commanded one, and `told` is True where
     its encoders measure that. In the cameras: `stands` is their true pose (about the `middle` of all), `seen` their
-    depth image with its losses, and `late_s` their delay after the stamp.
+    depth image with its losses, and `late_s` their delay after the stamp. `more`: the share of a liquid's volume by
+    which there is more of it than its task says.
     """
 
     family: Literal["physics", "sensing", "actuation"]
@@ -121,6 +123,7 @@ class Hidden:
     stands: Callable[[Transform, Position, Values], Transform] | None = None
     seen: Callable[[SensorImages, Values], DepthImage] | None = None
     late_s: Callable[[Values], float] | None = None
+    more: Callable[[Values], float] | None = None
 
     @property
     def main(self) -> InjectedParameter:

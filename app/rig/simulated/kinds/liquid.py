@@ -19,9 +19,9 @@ OVERLAP = 0.70
 
 
 class Bowls(NamedTuple):
-    """A liquid, the bowl in the hand that it is in at first, and the fixed one."""
+    """A liquid, with pieces or without, the bowl in the hand that it is in at first, and the fixed one."""
 
-    liquid: Liquid
+    liquid: Liquid | Soup
     held: HeldBowl
     fixed: Bowl
 
@@ -31,7 +31,9 @@ def liquid_in_bowls(stage: Stage) -> Bowls:
     fixed = [each for each in stage.fixtures if isinstance(each, Bowl)]
     if not isinstance(stage.tool, HeldBowl) or len(fixed) != 1:
         raise TypeError(f"A liquid is poured from one bowl into another, not by a {type(stage.tool).__name__}.")
-    return Bowls(liquid=_liquid(stage), held=stage.tool, fixed=fixed[0])
+    if not isinstance(stage.body, Liquid | Soup):
+        raise TypeError(f"{type(stage.body).__name__} is not a liquid.")
+    return Bowls(liquid=stage.body, held=stage.tool, fixed=fixed[0])
 
 
 def _node_count(stage: Stage) -> int:

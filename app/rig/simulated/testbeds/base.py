@@ -5,7 +5,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.geometry.scene_description import Beans, Cloth, Liquid, Rope
+from app.core.geometry.scene_description import Body
 from app.core.geometry.track import Track
 from app.core.types import ToolPose
 from app.policy.random_pushes import PushDesign, midway_s
@@ -26,7 +26,7 @@ class Testbed(Protocol):
 
     holds: bool = False
 
-    def body(self, task: Task) -> Rope | Beans | Cloth | Liquid:
+    def body(self, task: Task) -> Body:
         """The object."""
         ...
 

@@ -1,15 +1,16 @@
-"""Water that is poured at random from the held bowl into the fixed one, some of it at a time."""
+"""A liquid, with pieces or without, that is poured at random from the held bowl into the fixed one, some at a time."""
 
+from dataclasses import replace
 from typing import Any, final
 
 import numpy as np
 
-from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import Liquid
+from app.core.geometry.bowls import centre_of_bowl, refill
+from app.core.geometry.scene_description import Liquid, Soup
 from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.policy.random_pours import beside, pour_design, random_pour
+from app.policy.random_pours import WATER_FURTHER_RAD, beside, pour_design, random_pour
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds.liquid import liquid_in_bowls
 from app.rig.simulated.testbeds.base import Before, Testbed
@@ -26,13 +27,19 @@ _HELD = 0.97
 
 
 @final
-class WaterPours(Testbed):
-    """Pours from the held bowl, which stays in the hand; each episode begins with all of the water in it."""
+class BowlPours(Testbed):
+    """Pours from the held bowl, which stays in the hand; each episode begins with all of the liquid in it.
+
+    `further_rad`: see `random_pour`.
+    """
 
     holds = True
 
-    def body(self, task: Task) -> Liquid:
-        """The water."""
+    def __init__(self, further_rad: tuple[float, float] = WATER_FURTHER_RAD) -> None:
+        self._further_rad = further_rad
+
+    def body(self, task: Task) -> Liquid | Soup:
+        """The liquid."""
         return liquid_in_bowls(task.stage).liquid
 
     def design(self, episodes: int, pushes: int) -> PushDesign:
@@ -48,12 +55,16 @@ class WaterPours(Testbed):
         intrusion: Intrusion,
         time_s: float,
     ) -> LiquidWorld:
-        """The water in the bowl at one side of the fixed one, which follows from where the task begins."""
+        """The liquid in the bowl at one side of the fixed one, which follows from where the task begins."""
         del before
         bowls = liquid_in_bowls(task.stage)
         home = centre_of_bowl(start, bowls.held.radius_m, bowls.liquid.volume_m3)
         begin = _begin(task, home)
         stage, moved = task.stage, start + (begin[:3] - home)
+        if intrusion.more:
+            filled = bowls.liquid.with_more(intrusion.more * bowls.liquid.volume_m3)
+            sizes = bowls.held.radius_m, bowls.liquid.volume_m3, filled.volume_m3
+            stage, moved = replace(stage, body=filled), refill(moved, begin[:3], *sizes)
         return LiquidWorld(stage, moved, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(
@@ -66,18 +77,20 @@ class WaterPours(Testbed):
         start_s: float,
         tool: ToolPose | None = None,
     ) -> Track:
-        """See `random_pour`. `tool`: None where the water is still where it was laid."""
+        """See `random_pour`. `tool`: None where the liquid is still where it was laid."""
         del plan
         bowls = liquid_in_bowls(task.stage)
         centre = centre_of_bowl(nodes, bowls.held.radius_m, bowls.liquid.volume_m3) if tool is None else tool[:3]
         held = np.linalg.norm(nodes - centre, axis=1) < bowls.held.radius_m + bowls.held.thickness_m
+        share = 1.0 if tool is None else float(held.mean())
         x, y, _ = bowls.fixed.place_m
         motion = random_pour(
             rng,
             np.array([*centre[:2], _height_m(task)]),
             (x, y),
-            volume_m3=float(held.mean()) * bowls.liquid.volume_m3,
+            volume_m3=share * bowls.liquid.volume_m3,
             radius_m=bowls.held.radius_m,
+            further_rad=self._further_rad,
         )
         return motion.track(start_s=start_s)
 
@@ -89,7 +102,7 @@ class WaterPours(Testbed):
         return float(command.times_s[np.flatnonzero(lean >= _HELD * lean.max())[-1]])
 
     def describe(self, physics: WorldPhysics, start: Nodes) -> dict[str, Any]:
-        """Bulk modulus [Pa] of the water, and number of its drops."""
+        """Bulk modulus [Pa] of the liquid, and number of its drops, those that pieces are made of among them."""
         return {"bulk_pa": physics.bulk_pa, "drops": len(start)}
 
 
@@ -107,4 +120,4 @@ def _height_m(task: Task) -> float:
     return fixed.place_m[2] + held.radius_m + held.thickness_m + _CLEAR_M
 
 
-TESTBED = WaterPours()
+TESTBED = BowlPours()

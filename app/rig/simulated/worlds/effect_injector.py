@@ -49,6 +49,11 @@ class Intrusion:
                 physics = each.effect.physics(physics, body, each.values)
         return physics
 
+    @property
+    def more(self) -> float:
+        """Share of a liquid's volume by which there is more of it than its task says."""
+        return sum((each.effect.more(each.values) for each in self._hidden if each.effect.more is not None), 0.0)
+
     def terms(self) -> dict[str, float]:
         """Parameters of the effects in the world itself, by name: for a world that has terms of these names."""
         return {

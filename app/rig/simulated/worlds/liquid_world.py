@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.errors import SimulationError
 from app.core.geometry.bowls import centre_of_bowl
-from app.core.geometry.scene_description import Liquid, Soup, Stage
+from app.core.geometry.scene_description import Liquid, Pieces, Soup, Stage
 from app.core.geometry.shapes.fixtures import Bowl, Mat, Obstacle
 from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
@@ -211,8 +211,8 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int, physic
 
 
 def _apart(body: Liquid | Soup) -> float:
-    """Distance of its drops over that of as many as usual; a soup's are always as many."""
-    return float(np.cbrt(Liquid.drops / body.drops)) if isinstance(body, Liquid) else 1.0
+    """Distance of its drops over that of as many as usual; a soup's are as its pieces' grains."""
+    return float(np.cbrt(Liquid.drops / body.drops)) if isinstance(body, Liquid) else Pieces.along / body.along
 
 
 def _bodies(body: Liquid | Soup, bulk_pa: float) -> list[Body]:
