@@ -28,6 +28,7 @@ from app.planner.actions.sweep_actions import Sweeps
 from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
+from app.sim.model.scene import Scene
 from app.sim.tools.grasp import Grasp
 from app.tasks.elements.base import Task
 
@@ -161,6 +162,8 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
         low=(low[0] - cells, low[1] - cells, low[2]),
         high=(high[0] + cells, high[1] + cells, high[2]),
     )
+    if isinstance(poured, Soup):
+        scene = _with_stiff_pieces(scene, poured, task.nominal["stiffness"])
     return Subject(
         scene=scene,
         time_scale=task.time_scale,
@@ -181,6 +184,18 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
         ),
         priors=tuple(priors),
     )
+
+
+def _with_stiff_pieces(scene: Scene, soup: Soup, stiffness_pa: float) -> Scene:
+    """The scene with pieces as stiff as the soup's are, in the mean by volume, and time steps that bear them.
+
+    A planner's are softened for longer steps, and slide over a lip that stiffer ones dam. `stiffness_pa`: phi's.
+    """
+    liquid, pieces = scene.bodies
+    young_pa = sum(kind.young_pa * kind.volume_m3 for kind in soup.pieces) / soup.solid_m3
+    stiff = replace(pieces, stiffness=young_pa / stiffness_pa)
+    shorter = max(1.0, float(np.sqrt(stiff.stiffness / pieces.stiffness)))
+    return replace(scene, bodies=(liquid, stiff), dt_s=scene.dt_s / shorter)
 
 
 def _first_parameters_of_causes() -> frozenset[str]:

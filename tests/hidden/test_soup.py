@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app.commands.hide import hide
+from app.core.geometry.scene_description import Soup
 from app.core.motion import pointing_down
 from app.discovery.dataset.study import Study
 from app.jobs.discovery_subject import subject_of
@@ -46,6 +47,7 @@ def at_rest(broth: float, pieces: int, lower_m: float = 0.0) -> StampedSnapshot:
 
 def test_the_cases_soup_has_fewer_drops_as_large_as_the_grains_of_its_pieces() -> None:
     body = TASK.stage.body
+    assert isinstance(body, Soup)
     nodes = TASK.start(3)
     assert len(nodes) == 633 + 6 * 27
     assert body.volume_m3 == pytest.approx(load("pour_soup").stage.body.volume_m3)

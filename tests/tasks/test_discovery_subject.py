@@ -63,6 +63,9 @@ def test_a_soup_is_a_liquid_of_pieces_and_broth_each_with_its_particles() -> Non
     assert soup.scene.split(soup.particle_count) == (239, 61)
     assert soup.bowls is not None
     assert soup.bowls.volume_m3 == pytest.approx(96e-6 + 6 * 0.016**3)
+    # 10 and 20 kPa; the planner's pieces are softened, for longer time steps.
+    assert soup.scene.bodies[1].stiffness * soup.nominal[STIFFNESS] == pytest.approx(15e3)
+    assert soup.scene.dt_s < load("pour_soup").scene.dt_s
     assert soup.mass_kg == pytest.approx(0.096 + 3 * 0.016**3 * (900 + 700))
 
 
