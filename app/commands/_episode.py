@@ -85,7 +85,10 @@ class RunOptions:
     def task(self) -> str:
         """The full name of the task. Raises UsageError for an unknown one."""
         sizes = self.description.sizes if self.description else {}
-        return full_name(self.asked, dynamics=self.options.dynamics, sizes=sizes, model=self.model)
+        options = self.options
+        return full_name(
+            self.asked, dynamics=options.dynamics, problems=options.problems, sizes=sizes, model=self.model
+        )
 
     @cached_property
     def description(self) -> ObjectDescription | None:

@@ -54,7 +54,8 @@ def measured_setup(plain: Plain, task: Task) -> tuple[Plain, Task, MeasuredSetup
     plain, table, notes = _on_table(plain)
     found = _Found(plain=plain, task=task)
     sizes, tool = (*found.rope(), *found.tool()), found.tool_points
-    resized = load(str(TaskName.of(TaskName.parse(task.name).problem, _changed_sizes(task, sizes))))
+    named = TaskName.parse(task.name)
+    resized = load(str(TaskName.of(named.problem, _changed_sizes(task, sizes), split=named.split)))
     near, pushes = _near(plain, resized), sum(len(episode.pushes) for episode in plain.episodes)
     if near < pushes:
         notes.append(

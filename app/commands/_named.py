@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.object_description import ObjectDescription
-from app.core.task_name import TaskName
+from app.core.task_name import Split, TaskName
 from app.recording.exchange.model_file import task_of
 from app.recording.exchange.object_file import load_object
 from app.tasks import load, name_with_dynamics, names
@@ -21,25 +21,30 @@ def full_name(
     task: str,
     *,
     dynamics: Dynamics | None,
+    problems: Split | None = None,
     sizes: Mapping[str, float] = MappingProxyType({}),
     model: Path | None = None,
 ) -> str:
-    """Full name of `task` with these sizes and dynamics.
+    """Full name of `task` with these problems, sizes and dynamics.
 
-    What neither the name nor the caller specifies is that of `model` if it is of the same task, else the task's own.
-    Raises UsageError for an unknown task, size or dynamics, and if name and `dynamics` contradict.
+    What neither the name nor the caller specifies is that of `model` if it is of the same task, else the task's own;
+    problems are easy ones then. Raises UsageError for an unknown task, size or dynamics, where the task has no such
+    problems, and if the name contradicts `dynamics` or `problems`.
     """
     load(task)
     name = TaskName.parse(task)
     engine: str | None = name.dynamics if "@" in task else None
     if None not in (engine, dynamics) and engine != dynamics:
         raise UsageError(f"{task} contradicts --dynamics {dynamics}; leave one of them out.")
+    if problems == "easy" != name.split:
+        raise UsageError(f"{task} contradicts --problems {problems}; leave one of them out.")
+    split = problems or name.split
     engine, own = engine or dynamics, dict(name.sizes) | dict(sizes)
     if model is not None:
         its = TaskName.parse(task_of(model))
         if its.problem == name.problem:
             engine, own = engine or its.dynamics, own or dict(its.sizes)
-    return name_with_dynamics(str(TaskName.of(name.problem, own)), engine)
+    return name_with_dynamics(str(TaskName.of(name.problem, own, split=split)), engine)
 
 
 def read_description(path: Path, task: str) -> ObjectDescription:

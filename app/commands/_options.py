@@ -11,6 +11,7 @@ from app.config import Limits, Site
 from app.core.bounds import check_range
 from app.core.errors import PreflightError, UsageError
 from app.core.geometry.scene_description import RopeModel
+from app.core.task_name import Split
 from app.planner.method import PAPER
 from app.ui.server.tls import Tls
 
@@ -26,6 +27,8 @@ _LARGEST_GB = 1e6
 class Options:
     """The options that `run` and `console` share."""
 
+    problems: Split | None = None
+    """easy or hard starts and goals (docs/evaluation.md); easy ones where neither this nor the task's name says so"""
     seed: int = 0
     """seed of the start, the goal and the noise"""
     pushes: int = 10

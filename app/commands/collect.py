@@ -21,6 +21,7 @@ from app.core.errors import PlanningError, UsageError
 from app.core.geometry.object_description import KEY
 from app.core.geometry.scene_description import Rope, RopeModel
 from app.core.messages import Episode, fresh_id
+from app.core.task_name import Split
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.episode import Eyes
 from app.jobs.worker_api import choose_preset
@@ -44,6 +45,7 @@ def collect(
     eyes: Eyes = "cameras",
     expert: Expert = "scripted",
     reached: bool = False,
+    problems: Split | None = None,
     dynamics: Dynamics | None = None,
     world: RopeModel = "chain",
     object: Path | None = None,  # noqa: A002  # The option's name.
@@ -63,6 +65,7 @@ def collect(
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
         expert: the task's scripted policy, the same with its actions improved by descent, or the planner that it
             guides; each takes longer and errs less. What the planner does is partly chance, and harder to learn.
+        problems: easy or hard ones (docs/evaluation.md); easy ones where neither this nor the task's name says so.
         dynamics: rods or mpm, what an expert simulates who does; the task's own where none is named.
         world: a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points.
         reached: record none that misses its goal, and play the next problem instead.
@@ -75,7 +78,8 @@ def collect(
         raise UsageError(f"--episodes {episodes} must be at least 1, and --seed {seed} at least 0.")
     size = preset if preset != "auto" else choose_preset()
     description = read_description(object, task) if object else None
-    full = full_name(task, dynamics=dynamics, sizes=description.sizes if description else {})
+    sizes = description.sizes if description else {}
+    full = full_name(task, dynamics=dynamics, problems=problems, sizes=sizes)
     task = load(full).recorded_name
     load(full).preset(size)
     load(full).demonstration_task.stage.in_world(world)

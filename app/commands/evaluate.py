@@ -18,6 +18,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
 from app.core.geometry.scene_description import RopeModel
+from app.core.task_name import Split
 from app.evaluation import results_log
 from app.evaluation.curves import draw
 from app.evaluation.demonstrate import write_calibrated_model
@@ -39,6 +40,7 @@ def evaluate(
     *,
     task: _Names = (),
     dynamics: Annotated[tuple[Dynamics, ...], tyro.conf.arg(metavar="{rods,mpm} [{rods,mpm} ...]")] = (),
+    problems: Annotated[tuple[Split, ...], tyro.conf.arg(metavar="{easy,hard} [{easy,hard} ...]")] = (),
     planner: _Names = (),
     ablation: _Names = (),
     seeds: int = 10,
@@ -61,6 +63,7 @@ def evaluate(
         task: all tasks where none is named.
         dynamics: simulation of the object in plans: rods, for ropes, mpm, material points, or both; each
             task's own where none is named.
+        problems: easy ones, which they are where nothing is named, hard ones, or both beside each other.
         planner: all planners where none is named, dipac, which is the paper's, where an ablation is. Besides: bc,
             transporter, act, diffusion and ild, a learned policy alone; dipac+bc and so on, the tree that it guides.
         ablation: one of dipac; all where none is named and no planner is; "none" for the whole planner alone.
@@ -83,7 +86,7 @@ def evaluate(
     _check(seeds, demonstrations, jobs, actions)
     share_the_machine()
     size = preset if preset != "auto" else choose_preset()
-    methods, tasks = _methods(planner, ablation), _tasks(task, dynamics)
+    methods, tasks = _methods(planner, ablation), _tasks(task, dynamics, problems)
     for name in tasks:
         load(name).preset(size)
         load(name).stage.in_world(world)
@@ -119,14 +122,16 @@ def evaluate(
         _report(terminal, _rows(output / EPISODES, tasks), output)
 
 
-def _tasks(chosen: Sequence[str], dynamics: Sequence[Dynamics]) -> tuple[str, ...]:
-    """Their full names. Where none is chosen, all that have such dynamics."""
+def _tasks(chosen: Sequence[str], dynamics: Sequence[Dynamics], problems: Sequence[Split]) -> tuple[str, ...]:
+    """Their full names. Where none is chosen, all that have such dynamics and problems."""
     engines: Sequence[Dynamics | None] = dynamics or (None,)
+    splits: Sequence[Split | None] = problems or (None,)
     full = [
-        full_name(name, dynamics=engine)
+        full_name(name, dynamics=engine, problems=split)
         for name in chosen or names()
+        for split in splits
         for engine in engines
-        if chosen or engine != "rods" or load(name).rods
+        if chosen or ((engine != "rods" or load(name).rods) and (split != "hard" or load(name).hard))
     ]
     return tuple(dict.fromkeys(full))
 

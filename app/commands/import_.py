@@ -166,7 +166,7 @@ def _resize_task(task: Task, plain: Plain) -> tuple[Task, list[str]]:
         else:
             can = f"from {low:g} to {high:g}" if task.sized is not None else "only that"
             notes.append(f"about says {name} = {value:g}; the task {task.problem} has {own:g}, and can have {can}.")
-    return load(str(TaskName.of(task.problem, sizes))), notes
+    return load(str(TaskName.of(task.problem, sizes, split=TaskName.parse(task.name).split))), notes
 
 
 def _unused_sizes(task: Task, plain: Plain) -> list[str]:

@@ -10,6 +10,7 @@ from app.core.errors import UsageError
 from app.core.task_name import TaskName
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.sizes import resize
+from app.tasks.elements.splits import with_problems
 
 __all__ = ["Preset", "Task", "add", "load", "name_with_dynamics", "names"]
 
@@ -24,7 +25,7 @@ def add(task: Task) -> Task:
     as what is compiled for a task is kept by its name.
     """
     if task.problem != task.name:
-        raise UsageError(f"{task.name} says sizes or dynamics; add the task without them, as {task.problem}.")
+        raise UsageError(f"{task.name} says a split, sizes or dynamics; add the task without them, as {task.problem}.")
     if task.name in names() or _ADDED.setdefault(task.name, task) is not task:
         raise UsageError(f"There is a task {task.name} already; give the new one another name.")
     return task
@@ -37,7 +38,7 @@ def names() -> list[str]:
 
 
 def load(name: str) -> Task:
-    """The task of that name, which may say sizes and dynamics (`TaskName`); one and the same each time.
+    """The task of that name, which may say a split, sizes and dynamics (`TaskName`); one and the same each time.
 
     Raises UsageError with the known tasks where there is no such file, and with the file, the field and the value where
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
@@ -76,8 +77,8 @@ def _of_file(name: str) -> Task:
 
 @cache
 def _other(name: TaskName) -> Task:
-    """The task with other sizes or dynamics; cached, so that compiled code is found again."""
+    """The task with another split, other sizes or dynamics; cached, so that compiled code is found again."""
     task = _find_task(name.problem)
     if name.sizes:
         task = resize(task, dict(name.sizes))
-    return task.with_dynamics(name.dynamics)
+    return with_problems(task, name.split).with_dynamics(name.dynamics)

@@ -45,6 +45,9 @@ SWEEPS = Sweeps(
 )
 PROBLEMS = BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065)
 
+SCATTERED = replace(PROBLEMS, region=(0.30, -0.30, 0.80, 0.30), spills=(1, 1), spread_m=(0.4, 0.5))
+"""One spill much wider than the region: beans all over the table, of which a sweep meets few."""
+
 
 def _material(beans: Beans) -> Matter:
     """The beans as one granular body."""
@@ -70,6 +73,12 @@ def _with_beans(beans: Body) -> Task:
         actions=replace(SWEEPS, sweep_substeps=sweep, rest_substeps=rest),
         problems=replace(PROBLEMS, beans=beans),
     )
+
+
+def _hard(task: Task) -> Task:
+    """The task with hard problems."""
+    assert isinstance(task.stage.body, Beans)
+    return replace(task, problems=replace(SCATTERED, beans=task.stage.body), horizon=11)
 
 
 TASK = Task(
@@ -101,6 +110,7 @@ TASK = Task(
     stop_when=OnMat(mat=MAT, enough=0.98),
     horizon=20,
     with_body=_with_beans,
+    hard=_hard,
     time_scale=7.0,
     presets=MappingProxyType(
         {

@@ -63,11 +63,27 @@ POLICY = ScriptedCarry(
 )
 PROBLEMS = ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15)
 
+# Lower: what hangs down by a corner comes nearer to the table.
+HARD_RACK = replace(RACK, place_m=(*RACK.place_m[:2], 0.15))
+
 
 def _material(cloth: Cloth) -> Matter:
     """The cloth as one body."""
     volume_m3 = cloth.size_m**2 * _THICK_M
     return Matter(volume_m3=volume_m3, density_kg_m3=cloth.mass_kg / volume_m3, material=ClothMaterial(), stiffness=0.4)
+
+
+def _rods(rack: Rack) -> RackCollider:
+    """The rack in the planner's scene."""
+    return RackCollider(
+        count=rack.count,
+        spacing_m=rack.spacing_m,
+        half_length_m=rack.half_length_m,
+        radius_m=rack.radius_m,
+        place_m=rack.place_m,
+        friction=rack.friction,
+        along="x",
+    )
 
 
 def _with_cloth(cloth: Body) -> Task:
@@ -84,6 +100,30 @@ def _with_cloth(cloth: Body) -> Task:
         actions=replace(CARRIES, move_substeps=move, rest_substeps=rest),
         policy=replace(POLICY, beyond_m=POLICY.beyond_m + farther_m),
         problems=replace(PROBLEMS, cloth=cloth, middle_m=(x, y - farther_m)),
+    )
+
+
+def _hard(task: Task) -> Task:
+    """The task with hard problems: a cloth that lies corner first, farther aside, and a lower rack."""
+    assert isinstance(task.problems, ClothProblems)
+    assert isinstance(task.policy, ScriptedCarry)
+    assert isinstance(task.actions, Carries)
+    x, y = task.problems.middle_m
+    up_m = HARD_RACK.place_m[2] - RACK.place_m[2]
+    return replace(
+        task,
+        stage=replace(task.stage, fixtures=(HARD_RACK,)),
+        scene=replace(task.scene, tools=(task.scene.tools[0], _rods(HARD_RACK))),
+        actions=replace(task.actions, clear=replace(CLEAR, top_m=CLEAR.top_m + up_m)),
+        policy=replace(task.policy, carry_m=POLICY.carry_m + up_m, release_m=POLICY.release_m + up_m),
+        problems=replace(
+            task.problems,
+            rack=HARD_RACK,
+            middle_m=(x, y + 0.007),
+            shift_m=(0.08, 0.005),
+            about_rad=pi / 4,
+            turn_rad=0.2,
+        ),
     )
 
 
@@ -107,15 +147,7 @@ TASK = Task(
         bodies=(_material(CLOTH),),
         tools=(
             Grasp(reach_m=_HOLD_M, closed_m=GRIPPER.closed_m),
-            RackCollider(
-                count=RACK.count,
-                spacing_m=RACK.spacing_m,
-                half_length_m=RACK.half_length_m,
-                radius_m=RACK.radius_m,
-                place_m=RACK.place_m,
-                friction=RACK.friction,
-                along="x",
-            ),
+            _rods(RACK),
         ),
         contact_margin_m=0.003,
         contact_width_m=0.001,
@@ -136,6 +168,7 @@ TASK = Task(
     horizon=60,
     initial_state=cloth_at_rest,
     with_body=_with_cloth,
+    hard=_hard,
     at_rest=False,
     presets=MappingProxyType(
         {

@@ -6,9 +6,12 @@ for half a second, and then waits for what flows. So an episode has about ten de
 
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
+
+import numpy as np
 
 from app.core.colours import ColourRange
-from app.core.geometry.scene_description import Body, Liquid, Stage
+from app.core.geometry.scene_description import Body, Liquid, Soup, Stage
 from app.core.geometry.shapes.fixtures import Bowl
 from app.core.geometry.shapes.tools import HeldBowl
 from app.perception.body.vessels import Vessel
@@ -23,12 +26,15 @@ from app.policy.symmetry import Symmetry
 from app.tasks.elements.base import Preset, Task
 from app.tasks.elements.pouring import PouringProblems, pouring_scene
 from app.tasks.elements.success import InBowl
+from app.tasks.elements.swimming import SoupProblems
 
 WATER = Liquid(volume_m3=120e-6, colour=(0.10, 0.35, 0.80))
 HELD = HeldBowl(radius_m=0.055, thickness_m=0.004)
 TARGET = Bowl(radius_m=0.060, thickness_m=0.004, place_m=(0.55, 0.0, 0.065))
 PARTICLES = 300
 HOME_M = (0.34, 0.0, 0.25)
+FAR_M, FILLED = 0.60, 0.90
+"""Hard problems: the x of the other bowl, and the share of it that the liquid fills."""
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
 LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 
@@ -42,6 +48,33 @@ def _with_liquid(liquid: Body) -> Task:
         perception=replace(TASK.perception, colour=ColourRange.around(liquid.colour), volume_m3=liquid.volume_m3),
         scene=pouring_scene(liquid, HELD, TARGET, particle_count=PARTICLES),
         problems=PouringProblems(liquid=liquid, held=HELD, target=TARGET, home_m=HOME_M),
+    )
+
+
+def _hard(task: Task) -> Task:
+    """The task, of water or of soup, with a narrower bowl that stands farther away, and is filled nearly to its rim."""
+    body, problems, policy = task.stage.body, task.problems, task.policy
+    assert isinstance(body, Liquid | Soup)
+    assert isinstance(problems, PouringProblems | SoupProblems)
+    assert isinstance(task.actions, Pours)
+    assert isinstance(policy, ScriptedPour)
+    assert isinstance(task.success, InBowl)
+    assert isinstance(task.stop_when, InBowl)
+    radius_m = round(float(np.cbrt(3 * body.volume_m3 / (2 * np.pi * FILLED))), 4)
+    narrow = Bowl(radius_m=radius_m, thickness_m=TARGET.thickness_m, place_m=(FAR_M, 0.0, radius_m + 0.005))
+    x, y, _ = task.actions.low
+    lowest_m = LOWEST_M + narrow.place_m[2] - TARGET.place_m[2]
+    place: dict[str, Any] = {"place_m": narrow.place_m, "radius_m": radius_m}
+    return replace(
+        task,
+        stage=replace(task.stage, fixtures=(narrow,)),
+        perception=replace(task.perception, standing=(Vessel(**place),)),
+        scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
+        actions=replace(task.actions, low=(x, y, lowest_m)),
+        policy=replace(policy, height_m=lowest_m),
+        problems=replace(problems, target=narrow),
+        success=replace(task.success, **place),
+        stop_when=replace(task.stop_when, **place),
     )
 
 
@@ -91,6 +124,7 @@ TASK = Task(
     stop_when=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.92),
     horizon=14,
     with_body=_with_liquid,
+    hard=_hard,
     presets=MappingProxyType(
         {
             "cpu": Preset(branches=8, depth=2, particle_count=PARTICLES, gradient_steps=3),

@@ -37,6 +37,50 @@ START_M = (0.43, 0.0)
 
 ROD = replace(ROPE, rigid=True)
 
+NARROW = replace(WALL, gap_m=0.030)
+THREADED = Passing(
+    rope=ROPE,
+    wall=NARROW,
+    start_m=(NARROW.x_m, 0.0),
+    start_spread_m=(0.0, 0.002),
+    start_turn_rad=0.15,
+    bend_rad=0.25,
+    threaded=(0.60, 0.85),
+)
+"""Hard starts: a rope of which more than half is through a gap that is less than two of its diameters wide."""
+
+
+def _walls(wall: GappedWall) -> WallsWithGap:
+    """The wall among material points."""
+    return WallsWithGap(
+        place_m=(wall.x_m, 0.0, 0.0),
+        half_length_m=wall.reach_m,
+        gap_m=wall.gap_m,
+        height_m=wall.height_m,
+        thickness_m=wall.thickness_m,
+    )
+
+
+def _hard(task: Task) -> Task:
+    """The task with hard problems."""
+    assert isinstance(task.actions, Pushes)
+    assert task.rods is not None
+    half_m = max(NARROW.gap_m / 2 - TOUCH_M, 0.0)
+    blocks = Wall.with_gap(NARROW.x_m, NARROW.gap_m, NARROW.reach_m, NARROW.thickness_m)
+    return replace(
+        task,
+        stage=replace(task.stage, fixtures=NARROW.blocks),
+        scene=replace(task.scene, tools=(task.scene.tools[0], _walls(NARROW))),
+        actions=replace(task.actions, keep_out=NARROW.keep_out(KEEP_OUT_M)),
+        weights=replace(task.weights, distance=Passage(x_m=NARROW.x_m, low_m=-half_m, high_m=half_m)),
+        problems=THREADED,
+        training_variant=TrainingVariant(
+            stage=Stage(body=ROD, tool=FINGER, fixtures=NARROW.blocks), problems=replace(THREADED, rope=ROD)
+        ),
+        rods=replace(task.rods, scene=replace(task.rods.scene, walls=blocks)),
+    )
+
+
 TASK = Task(
     name="rod_to_rope",
     stage=Stage(body=ROPE, tool=FINGER, fixtures=WALL.blocks),
@@ -57,13 +101,7 @@ TASK = Task(
         ),
         tools=(
             FingerCollider(radius_m=FINGER.radius_m, below_m=0.0035, fade_m=0.001),
-            WallsWithGap(
-                place_m=(WALL.x_m, 0.0, 0.0),
-                half_length_m=WALL.reach_m,
-                gap_m=WALL.gap_m,
-                height_m=WALL.height_m,
-                thickness_m=WALL.thickness_m,
-            ),
+            _walls(WALL),
         ),
         contact_margin_m=0.0035,
         contact_width_m=0.001,
@@ -110,6 +148,7 @@ TASK = Task(
     horizon=10,
     time_scale=5.0,
     own_dynamics="rods",
+    hard=_hard,
     rods=rods_of(
         ROPE,
         FINGER,

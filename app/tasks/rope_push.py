@@ -18,7 +18,7 @@ from app.sim.model.scene import Body, Scene
 from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
 from app.tasks.elements.base import Preset, Task
-from app.tasks.elements.curves import RopeProblems
+from app.tasks.elements.curves import CurveSampler, RopeProblems
 from app.tasks.elements.rods import rods_of
 from app.tasks.elements.success import Near
 
@@ -33,6 +33,11 @@ DT_S, PUSH_SUBSTEPS, DENSITY_KG_M3 = 7.0e-4, 240, 795.0
 
 BESIDE_M = 0.008
 """Clearance from the rope at the start of a push: perception errs by up to 3 mm, the arm by about 1 mm."""
+
+TIGHT = CurveSampler(
+    max_shift_m=0.12, max_bend_rad=1.1, max_turn_rad=3.0, min_gap_m=0.030, gap_m=(0.03, 0.07), margin_m=0.06
+)
+"""Hard starts and goals: bent more, nearer to themselves than a finger is wide with its clearance, and to borders."""
 
 
 def _task(rope: Rope, finger: Finger) -> Task:
@@ -102,6 +107,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
         time_scale=5.0,
         own_dynamics="rods",
         sized=_task,
+        hard=_hard,
         rods=rods_of(
             rope,
             finger,
@@ -117,6 +123,11 @@ def _task(rope: Rope, finger: Finger) -> Task:
             }
         ),
     )
+
+
+def _hard(task: Task) -> Task:
+    """The task with hard problems."""
+    return replace(task, problems=RopeProblems(rope=task.rope, curves=TIGHT))
 
 
 def _symmetry(finger: Finger) -> Symmetry:

@@ -119,6 +119,16 @@ def test_a_given_model_is_of_the_task_and_no_other_than_the_results_are_of(
     assert not (folder / "episodes.jsonl").exists()
 
 
+def test_hard_problems_are_played_with_the_model_of_the_easy_ones(folder: Path) -> None:
+    model = folder / "models" / "rope_push@rods.toml"
+    order = ["evaluate", *SHORT[:-1], "1", "--problems", "hard", "--model", str(model), "-o", str(folder)]
+    assert main(order) == 0
+    (row,) = rows(folder)
+    assert row["task"] == "rope_push-hard@rods"
+    assert row["failure"] == ""
+    assert (folder / "models" / "rope_push-hard@rods.toml").read_bytes() == model.read_bytes()
+
+
 def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with results_log.folder_lock(folder):
         assert main(["evaluate", *SHORT, "-o", str(folder)]) == UsageError.exit_code
@@ -130,6 +140,7 @@ def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest
     "wrong",
     [
         ["--task", "rope_pull"],
+        ["--task", "rope_push-hard", "--problems", "easy"],
         ["--planner", "dipack"],
         ["--ablation", "no_hope"],
         ["--task", "rope_push", "--ablation", "no_online"],

@@ -41,10 +41,29 @@ def test_a_model_says_what_it_is_of(tmp_path: Path):
         assert full_name("rope_push", dynamics=None, model=tmp_path / "model.toml") == task
 
 
+def test_hard_problems_go_with_the_name_sizes_dynamics_and_models(tmp_path: Path):
+    assert full_name("rope_push", dynamics=None, problems="hard") == "rope_push-hard@rods"
+    assert full_name("rope_push-hard", dynamics="mpm", problems="hard") == "rope_push-hard"
+    assert full_name("rope_push-hard", dynamics=None, sizes=sizes_of(tmp_path, "length_m = 0.3")) == (
+        "rope_push-hard(length_m=0.3)@rods"
+    )
+    assert full_name("rope_push", dynamics=None, problems="easy") == "rope_push@rods"
+    path = tmp_path / "model.toml"
+    save_model(path, nominal_model("rope_push(radius_m=0.006)@rods"))
+    named = full_name("rope_push", dynamics=None, problems="hard", model=path)
+    assert named == "rope_push-hard(radius_m=0.006)@rods"
+    assert load_model(path, task=named, time_s=0.0).task == named
+    with pytest.raises(UsageError, match="contradicts --problems easy"):
+        full_name("rope_push-hard", dynamics=None, problems="easy")
+
+
 def test_a_model_of_other_dynamics_is_refused_with_those_to_name(tmp_path: Path):
     save_model(tmp_path / "model.toml", nominal_model("rope_push"))
-    with pytest.raises(UsageError, match="--dynamics mpm"):
-        load_model(tmp_path / "model.toml", task="rope_push@rods", time_s=0.0)
+    for task in ("rope_push@rods", "rope_push-hard@rods"):
+        with pytest.raises(UsageError, match="--dynamics mpm"):
+            load_model(tmp_path / "model.toml", task=task, time_s=0.0)
+    read = load_model(tmp_path / "model.toml", task="rope_push-hard@rods", time_s=0.0, whole=False)
+    assert read.task == "rope_push-hard"
 
 
 @pytest.mark.parametrize(

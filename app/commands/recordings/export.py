@@ -19,6 +19,7 @@ from app.commands._progress import counting
 from app.core.bounds import check_range
 from app.core.errors import RecordingError, UsageError
 from app.core.system.disk import link_target, path_beside
+from app.core.task_name import TaskName
 from app.recording.format.names import numbered_names
 from app.recording.library.recording_index import Entry, shelf
 from app.recording.read.clouds import What, write_npz, write_ply
@@ -128,5 +129,5 @@ def _write_each(progress: Progress, bar: TaskID, entries: Sequence[Entry], folde
 
 def _what_is_compared(task: str) -> What:
     """The clouds by which objects of a task are compared: of a liquid its surface does not say how much is where."""
-    problem = task.partition("(")[0]
+    problem = TaskName.parse(task).problem
     return "particles" if problem in names() and load(problem).perception.standing else "surface"

@@ -4,7 +4,7 @@ Schema 1 has the simulator's parameters alone; 2 may have those of cameras and a
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,7 +14,7 @@ import tomli_w
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.core.system.disk import replacement
-from app.core.task_name import TaskName, recorded_name
+from app.core.task_name import TaskName, same_model
 from app.recording.exchange.toml_file import finite_number, read_toml, refuse_unknown, whole_number, words
 
 SCHEMA = 2
@@ -57,15 +57,20 @@ def task_of(path: Path) -> str:
 def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> Model:
     """The model in `path`, as a message dated `time_s`; where not `whole`, with any dynamics of the task.
 
+    One of another split of the task is as good, and becomes a model of this one.
+
     Raises UsageError where the file is missing or belongs to another task, RecordingError where it is not a model.
     Unknown parameters and values out of range are left to the task to reject (`app.jobs.worker_api.check_model`).
     """
     model = _read(path, time_s)
-    same = recorded_name(model.task) == recorded_name(task)
-    if model.task != task and (whole or not same):
-        step = f"give --dynamics {TaskName.parse(model.task).dynamics}" if same else "calibrate one for it"
+    if model.task == task:
+        return model
+    dynamics = TaskName.parse(model.task).dynamics
+    if not same_model(model.task, task, whole=whole):
+        same = same_model(model.task, task, whole=False)
+        step = f"give --dynamics {dynamics}" if same else "calibrate one for it"
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; {step}.")
-    return model
+    return replace(model, task=str(replace(TaskName.parse(task), dynamics=dynamics)))
 
 
 def _read(path: Path, time_s: float) -> Model:

@@ -143,7 +143,8 @@ class Task:
     `calibrated`: those that calibration estimates from transitions. `success`: the criterion on the true object;
     `stop_when`: that on observations, if it has to be stricter; `horizon`: the actions after which an evaluation ends
     otherwise. `rods`: the object as a rod, if it is a rope; `dynamics`: see `with_dynamics`; `own_dynamics`: the
-    default of commands. `sized`: the task with another rope and finger; `with_body`: with another object of its kind.
+    default of commands. `sized`: the task with another rope and finger; `with_body`: with another object of its kind;
+    `hard`: with its hard problems.
     `time_scale`: real seconds in a simulated one. `open_gripper_m`: a tool that opens less may hold the object, which
     is not done then, wherever it is. `training_variant`: the setting of demonstrations, if it has another object; a
     model that they calibrate has to go on learning in use.
@@ -176,6 +177,7 @@ class Task:
     own_dynamics: str = "mpm"
     sized: Callable[[Rope, Finger], Task] | None = None
     with_body: Callable[[Body], Task] | None = None
+    hard: Callable[[Task], Task] | None = None
 
     def parameters(self, *, stiff: bool | None = None) -> tuple[ParameterSpec, ...]:
         """The columns of phi, as far as its simulators bear them.

@@ -23,7 +23,8 @@ class CurveSampler:
     """Initial and goal shapes of a rope: the goal is the start, shifted, turned and bent at random.
 
     `gap_m` bounds how far apart start and goal are as clouds (root of half their Chamfer distance): near enough to be
-    reached with about ten pushes, far enough that the rope has to move.
+    reached with about ten pushes, far enough that the rope has to move. `max_turn_rad` bounds how far a start bends,
+    `min_gap_m` how near a start or a goal comes to itself.
     """
 
     max_shift_m: float = 0.15
@@ -32,6 +33,8 @@ class CurveSampler:
     gap_m: tuple[float, float] = (0.04, 0.10)
     workspace: Workspace = field(default_factory=Workspace)
     margin_m: float = 0.08
+    max_turn_rad: float = 2.4
+    min_gap_m: float = _MIN_GAP_M
 
     def draw(self, seed: int, rope: Rope) -> tuple[Float64[np.ndarray, "points 3"], Float64[np.ndarray, "points 3"]]:
         """Centrelines [m] of the start and the goal of problem `seed`."""
@@ -43,6 +46,8 @@ class CurveSampler:
                 height_m=rope.radius_m,
                 workspace=self.workspace,
                 margin_m=self.margin_m,
+                max_turn_rad=self.max_turn_rad,
+                min_gap_m=self.min_gap_m,
             )
             goal = self._random_goal(rng, start)
             gap_m = float(np.sqrt(chamfer_m2(start, goal) / 2))
@@ -69,7 +74,7 @@ class CurveSampler:
         low = np.asarray(self.workspace.low[:2]) + self.margin_m
         high = np.asarray(self.workspace.high[:2]) - self.margin_m
         length_m = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
-        gap_ok = _self_gap(curve[:, :2], length_m) >= _MIN_GAP_M
+        gap_ok = _self_gap(curve[:, :2], length_m) >= self.min_gap_m
         return gap_ok and bool(np.all(curve[:, :2] >= low) and np.all(curve[:, :2] <= high))
 
 

@@ -50,6 +50,9 @@ class Passing:
     The start is drawn about `start_m` (x, y), within `start_spread_m` of it, and turned from the wall's direction by at
     most `start_turn_rad`; a rope is bent by up to `bend_rad`, which a rod is not. The goal is straight, its near end
     `goal_gap_m` behind the wall's middle plane: the farther one is at the border of where the arm may go.
+
+    Where it is `threaded`, a share between these two of it is beyond the wall already, and `start_m` is where it passes
+    the wall, in that direction but for the turn.
     """
 
     rope: Rope
@@ -60,13 +63,20 @@ class Passing:
     bend_rad: float = 0.4
     goal_gap_m: float = 0.008
     goal_turn_rad: float = 0.2
+    threaded: tuple[float, float] | None = None
 
     def start(self, seed: int) -> Nodes:
         """The centreline in front of the wall."""
         rng = np.random.default_rng([seed, 0])
         middle = np.array(self.start_m) + rng.uniform(-1, 1, 2) * self.start_spread_m
         turn, bend = rng.uniform(-1, 1, 2) * (self.start_turn_rad, self.bend_rad)
-        return self._curve(middle, np.pi / 2 + turn, 0.0 if self.rope.rigid else bend)
+        bend = 0.0 if self.rope.rigid else bend
+        if self.threaded is None:
+            return self._curve(middle, np.pi / 2 + turn, bend)
+        share = 0.5 - rng.uniform(*self.threaded)
+        curve = self._curve(np.zeros(2), turn - 2 * bend * share, bend)
+        passes = np.array([np.interp((share + 0.5) * (_POINTS - 1), np.arange(_POINTS), each) for each in curve.T[:2]])
+        return curve + np.append(middle - passes, 0.0)
 
     def goal(self, seed: int, particle_count: int) -> Points:
         """Goal behind the gap, pointing away from it."""

@@ -23,7 +23,7 @@ _POINTS_A_PARTICLE: Final = 12
 class ClothProblems:
     """A flat cloth about `middle_m`, which shall hang over the rack, straight, with half of it on either side.
 
-    It is moved by up to `shift_m` along x and y, and turned by up to `turn_rad`.
+    It is moved by up to `shift_m` along x and y, and turned by up to `turn_rad` from `about_rad`.
     """
 
     cloth: Cloth
@@ -31,12 +31,13 @@ class ClothProblems:
     middle_m: tuple[float, float]
     shift_m: tuple[float, float]
     turn_rad: float
+    about_rad: float = 0.0
 
     def start(self, seed: int) -> Nodes:
         """The knots of the cloth where it lies, row by row."""
         rng = np.random.default_rng(seed)
         x, y = np.add(self.middle_m, rng.uniform(-1.0, 1.0, 2) * self.shift_m)
-        turn = rng.uniform(-self.turn_rad, self.turn_rad)
+        turn = self.about_rad + rng.uniform(-self.turn_rad, self.turn_rad)
         axis = np.linspace(-0.5, 0.5, self.cloth.nodes_a_side) * self.cloth.size_m
         u, v = (each.ravel() for each in np.meshgrid(axis, axis, indexing="ij"))
         c, s = np.cos(turn), np.sin(turn)
