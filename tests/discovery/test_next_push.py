@@ -51,6 +51,18 @@ def test_the_next_pour_begins_with_all_of_the_liquid_where_little_is_left() -> N
     assert words.startswith("Fill the held bowl again. Tilt the bowl by ")
 
 
+def test_a_soup_is_tilted_further_than_water_as_its_pieces_dam_the_lip() -> None:
+    study = pours.study_of((0.0, 0.2), (0.2, 0.45), pours=2)
+    soup = candidate_motions(pours.SOUP, pours.SOUP.catalogue(), study, count=12, height_m=0.0, seed=3)
+    water = of_pours(study)
+
+    def upright(asked: CandidateMotions) -> list[float]:
+        """Share of the bowl's axis that points up where it is tilted most."""
+        return [float((2 * (track.poses[:, 4] ** 2 + track.poses[:, 5] ** 2) - 1).min()) for track in asked.tracks]
+
+    assert np.median(upright(soup)) < np.median(upright(water)) - 0.05
+
+
 def test_carries_go_on_with_what_the_gripper_holds_in_the_box_of_random_ones() -> None:
     asked, last = of_carries(), CARRIES.pushes[-1]
     for track in asked.tracks:
