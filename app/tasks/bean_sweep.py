@@ -78,7 +78,7 @@ def _with_beans(beans: Body) -> Task:
 def _hard(task: Task) -> Task:
     """The task with hard problems."""
     assert isinstance(task.stage.body, Beans)
-    return replace(task, problems=replace(SCATTERED, beans=task.stage.body), horizon=11)
+    return replace(task, problems=replace(SCATTERED, beans=task.stage.body), horizon=12)
 
 
 TASK = Task(

@@ -114,19 +114,12 @@ def test_a_given_model_is_of_the_task_and_no_other_than_the_results_are_of(
     order = ["evaluate", *SHORT, "-o", str(folder)]
     assert main([*order, "--model", str(extended(tmp_path / "mpm.toml", "rope_push"))]) == UsageError.exit_code
     assert "is a model of task 'rope_push'" in capsys.readouterr().err.replace("\n", " ")
+    hard = [*order, "--problems", "hard", "--model", str(tmp_path / "mpm.toml")]
+    assert main(hard) == UsageError.exit_code
+    assert "not of 'rope_push-hard@rods'; give --dynamics mpm" in capsys.readouterr().err.replace("\n", " ")
     assert main([*order, "--model", str(extended(tmp_path / "rods.toml"))]) == UsageError.exit_code
     assert "is another model than" in capsys.readouterr().err.replace("\n", " ")
     assert not (folder / "episodes.jsonl").exists()
-
-
-def test_hard_problems_are_played_with_the_model_of_the_easy_ones(folder: Path) -> None:
-    model = folder / "models" / "rope_push@rods.toml"
-    order = ["evaluate", *SHORT[:-1], "1", "--problems", "hard", "--model", str(model), "-o", str(folder)]
-    assert main(order) == 0
-    (row,) = rows(folder)
-    assert row["task"] == "rope_push-hard@rods"
-    assert row["failure"] == ""
-    assert (folder / "models" / "rope_push-hard@rods.toml").read_bytes() == model.read_bytes()
 
 
 def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
