@@ -33,14 +33,18 @@ _STILL_M, _STOP_M, _TILTED_RAD = 1e-4, 1e-2, 1e-3
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidateMotions:
-    """Motions to choose from as a study of pushes that begin alike, from the object as it is seen in `before`.
+    """Motions to choose from as a study of pushes that begin alike.
 
-    `anew`: the object has to be laid, or filled in, again as it is there.
+    `anew`: the object has to be laid, or filled in, again as it is at their beginning.
     """
 
     study: Study
-    before: ProjectionView
     anew: bool
+
+    @property
+    def before(self) -> ProjectionView:
+        """The object at the beginning of each."""
+        return self.study.pushes[0].before
 
     @property
     def tracks(self) -> list[Track]:
@@ -58,14 +62,13 @@ def candidate_motions(
     last = study.pushes[-1]
     first = next(push for push in study.pushes if push.episode == last.episode)
     anew = subject.bowls is not None and 1 - subject.bowls.share(last.after.points) < _LEFT
-    seen = replace(first.before if anew else last.after, finger=None)
-    start = first.command.poses[0] if anew else last.command.poses[-1]
+    seen, start = (first.before, first.command.poses[0]) if anew else (last.after, last.command.poses[-1])
     start_s = last.after.time_s + _PAUSE_S
-    before = replace(seen, time_s=start_s)
-    draw = _draw_of(subject, catalogue, seen, start, start_s, height_m)
+    before = replace(seen, time_s=start_s, finger=None)
+    draw = _draw_of(subject, catalogue, before, start, start_s, height_m)
     rng = np.random.default_rng(seed)
     pushes = [_push(before, draw(rng)) for _ in range(count)]
-    return CandidateMotions(study=replace(study, pushes=tuple(pushes), tables={}), before=seen, anew=anew)
+    return CandidateMotions(study=replace(study, pushes=tuple(pushes), tables={}), anew=anew)
 
 
 def _push(before: ProjectionView, track: Track) -> Push:

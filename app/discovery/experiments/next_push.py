@@ -57,18 +57,15 @@ def next_push(
     distance = _MM * float(np.sqrt(measure(ends[first, best], ends[second, best])))
     track, names = asked.tracks[best], list(models)
     words = motion_words(track, subject, height_m=height_m, origin_m=catalogue.origin_m, anew=asked.anew)
-    end = (
-        f"differ by {distance:.1f} {subject.kind.unit}"
-        if subject.kind.is_poured
-        else (f"leave the object {distance:.1f} {subject.kind.unit} apart")
-    )
+    amount = f"{distance:.1f} {subject.kind.unit}"
+    said = f"differ by {amount}" if subject.kind.is_poured else f"leave the object {amount} apart"
     return NextPush(
         track=track,
         between=tuple(names),
         apart_mm=distance,
         before=asked.before.points,
-        ends=tuple(end for end in ends[:, best]),
-        text=f"{words}: {effect_name(names[first])} and {effect_name(names[second])} {end}.",
+        ends=tuple(ends[:, best]),
+        text=f"{words}: {effect_name(names[first])} and {effect_name(names[second])} {said}.",
     )
 
 

@@ -1,11 +1,9 @@
 """CEM-MPC: sampling and refitting alone, without gradients and without a policy (paper, baselines)."""
 
-from dataclasses import replace
-
 from app.planner.base import Planner
 from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizerConfig
-from app.planner.search.sampling import SampleSchedule, SamplingPlanner
+from app.planner.search.sampling import SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
 
@@ -20,10 +18,4 @@ def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -
     """`GENERATIONS` of a population that together simulate as much as the tree, or more generations of `LARGEST`."""
     size = SampleBudget.worth(search, gradient_steps, generations=GENERATIONS, largest=LARGEST)
     elites = Elites(count=max(2, size.population // ELITE_SHARE))
-    return SamplingPlanner(
-        search=replace(search, branches=size.population, guided=False),
-        schedule=SampleSchedule(
-            generations=size.generations, kept=min(search.branches, size.population), update=elites
-        ),
-        descent=descent,
-    )
+    return SamplingPlanner.of(search, size, elites, descent)

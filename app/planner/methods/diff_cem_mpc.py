@@ -1,11 +1,9 @@
 """Diff-CEM-MPC: CEM whose samples take gradient steps between refits (Bharadhwaj et al. 2020; paper, baselines)."""
 
-from dataclasses import replace
-
 from app.planner.base import Planner
 from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizerConfig
-from app.planner.search.sampling import SampleSchedule, SamplingPlanner
+from app.planner.search.sampling import SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
 
@@ -24,11 +22,4 @@ def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -
         search, gradient_steps, generations=GENERATIONS, largest=LARGEST, smallest=SMALLEST, steps=STEPS
     )
     elites = Elites(count=max(2, size.population // ELITE_SHARE))
-    return SamplingPlanner(
-        search=replace(search, branches=size.population, guided=False),
-        schedule=SampleSchedule(
-            generations=size.generations, kept=min(search.branches, size.population), update=elites
-        ),
-        descent=descent,
-        gradient_steps=STEPS,
-    )
+    return SamplingPlanner.of(search, size, elites, descent, STEPS)

@@ -1,11 +1,9 @@
 """MPPI: model-predictive path integral control, sampling and reweighing alone (Williams et al. 2017; a baseline)."""
 
-from dataclasses import replace
-
 from app.planner.base import Planner
 from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizerConfig
-from app.planner.search.sampling import SampleSchedule, SamplingPlanner
+from app.planner.search.sampling import SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import PathIntegral
 
@@ -18,10 +16,4 @@ LARGEST = 256
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """`GENERATIONS` of a population that together simulate as much as the tree, or more generations of `LARGEST`."""
     size = SampleBudget.worth(search, gradient_steps, generations=GENERATIONS, largest=LARGEST)
-    return SamplingPlanner(
-        search=replace(search, branches=size.population, guided=False),
-        schedule=SampleSchedule(
-            generations=size.generations, kept=min(search.branches, size.population), update=PathIntegral()
-        ),
-        descent=descent,
-    )
+    return SamplingPlanner.of(search, size, PathIntegral(), descent)

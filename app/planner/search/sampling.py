@@ -1,9 +1,9 @@
 """Planning by samples of a Gaussian over sequences of actions, which is updated by them again and again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, final
+from typing import NamedTuple, Self, final
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.core.messages import Origin
 from app.core.types import Points
+from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
@@ -52,6 +53,20 @@ class SamplingPlanner:
     schedule: SampleSchedule
     descent: OptimizerConfig
     gradient_steps: int = 0
+
+    @classmethod
+    def of(
+        cls, search: TreeConfig, size: SampleBudget, update: Update, descent: OptimizerConfig, gradient_steps: int = 0
+    ) -> Self:
+        """The planner of such a budget, which keeps as many branches as the tree has."""
+        return cls(
+            search=replace(search, branches=size.population, guided=False),
+            schedule=SampleSchedule(
+                generations=size.generations, kept=min(search.branches, size.population), update=update
+            ),
+            descent=descent,
+            gradient_steps=gradient_steps,
+        )
 
     def __call__(self, request: PlanRequest) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
