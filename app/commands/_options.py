@@ -42,7 +42,7 @@ class Options:
     planner: str = PAPER
     """the planner: the paper's tree, dipac, or a baseline; a wrong name lists them"""
     ablation: str | None = None
-    """ablation of dipac: no_calibration, no_optimisation, no_planning, no_policy or no_online"""
+    """ablation of dipac: no_calibration, no_optimisation, no_planning, no_policy, no_remainder or no_online"""
     goal: Path | None = None
     """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None

@@ -28,7 +28,7 @@ from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
 from app.evaluation.workers import Where, completed_rows, share_the_machine
 from app.jobs.worker_api import check_model, choose_preset
-from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
+from app.planner.method import ABLATIONS, NO_ONLINE, NO_REMAINDER, PAPER, planners
 from app.recording.exchange.model_file import load_model
 from app.tasks import load, names
 
@@ -109,10 +109,13 @@ def evaluate(
         for seed in range(seeds)
         for name in tasks
         for chosen, left_out in methods
-        if online or load(name).training_variant or left_out != NO_ONLINE
+        if _leaves_out(left_out, name, size, online=online)
     ]
     if not trials:
-        raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
+        raise UsageError(
+            f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online. "
+            f"{NO_REMAINDER} leaves nothing out where plans are one action long."
+        )
     make_folder(output / "models", "-o")
     with results_log.folder_lock(output):
         if model is not None:
@@ -120,6 +123,13 @@ def evaluate(
         _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
         _play(terminal, trials, output / EPISODES, workers, jobs)
         _report(terminal, _rows(output / EPISODES, tasks), output)
+
+
+def _leaves_out(ablation: str, task: str, preset: str, *, online: bool) -> bool:
+    """False for an ablation that would change nothing."""
+    if ablation == NO_ONLINE:
+        return online or load(task).training_variant is not None
+    return ablation != NO_REMAINDER or load(task).preset(preset).depth > 1
 
 
 def _tasks(chosen: Sequence[str], dynamics: Sequence[Dynamics], problems: Sequence[Split]) -> tuple[str, ...]:

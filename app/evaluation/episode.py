@@ -14,12 +14,13 @@ from app.core.dialogue.approval import Approved, automatic_decision
 from app.core.errors import DipacError, PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.orientation import UNKNOWN
-from app.core.messages import Decision, Executed, Frame, Goal, Model, Particles, Proposal, Transition, fresh_id
+from app.core.messages import Branch, Decision, Executed, Frame, Goal, Model, Particles, Proposal, Transition, fresh_id
 from app.core.types import Centreline, Points
 from app.jobs import worker_api
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
+from app.planner.search.request import remainder_of
 from app.rig.simulated.lockstep import LockStep
 from app.session.approving import approval_gate
 from app.session.loop import complete, go_round
@@ -165,6 +166,7 @@ class _LockStepStages:
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
         self._near: Centreline | None = None
+        self._last: tuple[Branch, Points] | None = None
         self._orientation = UNKNOWN
         self.played, self._over = EpisodeResults(), False
 
@@ -206,7 +208,8 @@ class _LockStepStages:
     async def execute(self, leave: _Approval) -> _Made:
         """The motion as the cell made it. Raises MotionRefused where the arm's limits do not allow it."""
         made = _Made(leave, self._cell.execute(leave.approved))
-        self._near = leave.offer.plan.centreline
+        plan = leave.offer.plan
+        self._near, self._last = plan.centreline, (plan.branches[plan.best], self._seen.positions)
         self._judge()
         return made
 
@@ -263,6 +266,7 @@ class _LockStepStages:
 
     def _plan(self, x: Points, index: int) -> Plan:
         order = self._order
+        remainder = None if self._last is None else remainder_of(*self._last, x)
         for attempt in range(_ATTEMPTS):
             seed = hash((order.seed, index, attempt)) % 2**31
             method = order.otherwise if attempt and order.otherwise else self._method
@@ -273,6 +277,7 @@ class _LockStepStages:
                     method=method,
                     near=self._near,
                     orientation=self._orientation,
+                    remainder=remainder,
                 )
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:

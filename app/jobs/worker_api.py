@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from app.jobs.apparatus_compensation import Correction
     from app.jobs.jit_cache import Calibrated
     from app.planner.search.plan import Plan
-    from app.planner.search.request import Ways
+    from app.planner.search.request import Actions, Ways
 
 
 def plan(
@@ -48,6 +48,7 @@ def plan(
     rejected: Ways = (),
     near: Centreline | None = None,
     orientation: Orientation = UNKNOWN,
+    remainder: Actions | None = None,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
@@ -56,8 +57,9 @@ def plan(
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
     anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
     is another one while there is one; `near`, where the plan before predicted a rope's nodes, if the object is as its
-    motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
-    leaves a dump of one that did not; UsageError for an unknown task or preset.
+    motion left it; `orientation`, what is known of its ends; `remainder`, what that plan was to go on with (L, A).
+    Raises PlanningError where no branch stays finite, and leaves a dump of one that did not; UsageError for an unknown
+    task or preset.
     """
     from app.jobs import jit_cache, rope_orientation
     from app.planner.search.request import PlanRequest
@@ -67,7 +69,15 @@ def plan(
     x = allowed_for.unproject(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(
-        observed=observed, goal=goal, phi=phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near
+        observed=observed,
+        goal=goal,
+        phi=phi,
+        seed=seed,
+        site=where,
+        tool=tool,
+        rejected=rejected,
+        near=near,
+        remainder=remainder if method.continuing else None,
     )
     try:
         return allowed_for.plan(planner, request) if allowed_for else planner(request)

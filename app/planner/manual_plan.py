@@ -47,8 +47,9 @@ class GivenPush:
         pose = PARKED_POSE if request.tool is None else request.tool
         now = situation(self.search, request.observed, pose, request.near)
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
-        none = jnp.zeros((1, 0, self.search.space.size))
-        tree = RootBatch(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], none)
+        later = jnp.zeros((1, self.search.depth - 1, self.search.space.size))
+        given = jnp.zeros(later.shape[:2], bool)
+        tree = RootBatch(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], later, given)
         rollout = _evaluate(self.search, tree, jnp.asarray(request.goal))
         _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
         seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX for them
 
 PAPER = "dipac"
 """The planner of the paper, of which all ablations are."""
+NO_REMAINDER = "no_remainder"
+"""Each decision begins anew: it leaves nothing out where plans are one action long."""
 NO_ONLINE = "no_online"
 """The paper's DiPac-Online without what sets it apart: it leaves nothing out where no model learns while it is used."""
 
@@ -24,6 +26,7 @@ ABLATIONS = MappingProxyType(
         "no_optimisation": {"descending": False},
         "no_planning": {"branching": False, "descending": False},
         "no_policy": {"guided": False},
+        NO_REMAINDER: {"continuing": False},
         NO_ONLINE: {"following": False},
     }
 )
@@ -38,9 +41,9 @@ class Method:
     `descending`: actions are optimised along their gradient; without, the best branch is executed as it was sampled.
     `branching`: there are branches besides the policy's. `guided`: the initial policy takes part; without, all actions
     are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
-    for display. `calibrated`: the model is calibrated; without, it is the simulator's without any demonstration.
-    `following`: it goes on learning in use. Both are for the owner of the model to act on. `policy`: a learned one
-    instead of the task's own.
+    for display. `continuing`: it starts from the remainder of the last plan, too. `calibrated`: the model is
+    calibrated; without, it is the simulator's without any demonstration. `following`: it goes on learning in use. Both
+    are for the owner of the model to act on. `policy`: a learned one instead of the task's own.
 
     Raises UsageError for a planner that does not exist, and for options that make no sense together.
     """
@@ -49,6 +52,7 @@ class Method:
     descending: bool = True
     branching: bool = True
     guided: bool = True
+    continuing: bool = True
     calibrated: bool = True
     following: bool = True
     policy: LearnedPolicy | None = None

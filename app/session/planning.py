@@ -27,6 +27,7 @@ from app.jobs.worker_api import (
     warm_up_stage,
     warm_up_stages,
 )
+from app.planner.search.request import remainder_of
 from app.session.suggested_push import Asking, Probing
 from app.tasks.elements.base import EpisodeConfig
 
@@ -59,6 +60,7 @@ class Planning:
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
         self._predicted: dict[MessageId, Centreline] = {}
         self._near: Centreline | None = None
+        self._last: Proposal | None = None
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
 
@@ -87,12 +89,16 @@ class Planning:
         """React to a decision. A rejected plan is not proposed again before something has moved."""
         self._asking.drop_offered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
+        self._last = None
         if approved:
             self._near = None
 
     def keep_prediction(self, proposal: Proposal) -> None:
-        """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted."""
-        self._near = self._predicted.get(proposal.id)
+        """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted.
+
+        Where it truly does, the next plan starts from what is left of this one, too.
+        """
+        self._near, self._last = self._predicted.get(proposal.id), proposal
 
     def note_transition(self, transition: Transition, model: Model) -> None:
         """Note a motion that was seen, by which the next plan follows the object's ends."""
@@ -104,8 +110,8 @@ class Planning:
         self.forget()
 
     def forget(self) -> None:
-        """Forget rejected and changed plans: the object may have moved, or the goal is another."""
-        self._rejected, self._changed = (), None
+        """Forget rejected, changed and earlier plans: the object may have moved, or the goal is another."""
+        self._rejected, self._changed, self._last = (), None, None
 
     async def edit(
         self, config: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model
@@ -149,12 +155,13 @@ class Planning:
         await self._track(config)
         started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
         lies = self._near, self._orientation
+        remainder = None if self._last is None else remainder_of(self._last.chosen, self._last.observed, x)
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
                 found = await self._asking.plan(observed, goal, model, *lies) or await self._planner.run(
                     *(plan, config.task.name, config.preset, x, goal, model, seed, self._site, tool, config.method),
-                    *(self._rejected, *lies),
+                    *(self._rejected, *lies, remainder),
                 )
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)

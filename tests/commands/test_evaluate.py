@@ -137,6 +137,7 @@ def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest
         ["--planner", "dipack"],
         ["--ablation", "no_hope"],
         ["--task", "rope_push", "--ablation", "no_online"],
+        ["--task", "bean_sweep", "--ablation", "no_remainder"],
         ["--planner", "cem_mpc", "--ablation", "no_policy"],
         ["--seeds", "0"],
         ["--jobs", "0"],

@@ -1,14 +1,19 @@
 """Episodes in lock step: every motion has passed the application's gate, and the first that does not ends them."""
 
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from app.config import Site
 from app.core.dialogue.approval import AUTOMATIC
 from app.evaluation.episode import EpisodeStep, EvaluationConfig, play
+from app.jobs import worker_api
 from app.jobs.worker_api import nominal_model
 from app.planner.method import Method
+from app.planner.search.plan import Plan
+from app.planner.search.request import Actions, remainder_of
 from app.tasks import load
 
 ACTIONS = 2
@@ -48,3 +53,24 @@ def test_an_episode_ends_with_a_motion_that_the_gate_does_not_let_pass(order: Ev
     played = play(order, steps.append, strict)
     assert "has moved" in played.failure
     assert (len(played.chamfer_m2), steps) == (1, [])
+
+
+def test_a_plan_starts_from_what_is_left_of_the_one_before_as_far_as_that_came_true(
+    order: EvaluationConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps, told, plan = list[EpisodeStep](), list[Actions | None](), worker_api.plan
+
+    def longer(*asked: Any, remainder: Actions | None = None, **said: Any) -> Plan:
+        told.append(remainder)
+        found = plan(*asked, **said)
+        chosen = replace(found.branches[0], actions=np.repeat(found.branches[0].actions, 3, axis=0))
+        return replace(found, branches=(chosen,))
+
+    monkeypatch.setattr(worker_api, "plan", longer)
+    assert play(order, steps.append).failure == ""
+    assert told[0] is None
+    for step, rest in zip(steps[:-1], told[1:], strict=True):
+        expected = remainder_of(step.plan.branches[0], step.before.positions, step.after.positions)
+        np.testing.assert_array_equal(rest, expected)
+        assert rest is not None
+        assert len(rest) == 2

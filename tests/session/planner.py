@@ -136,7 +136,8 @@ class Strokes:
     def __call__(self, request: PlanRequest) -> "_Sent":
         """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost.
 
-        It predicts the rope along its motion, and its terms say where the rope was predicted that it was told of.
+        It predicts the rope along its motion, and would make it once more. Its terms say where the rope was predicted
+        that it was told of, and where it was to go on.
         """
         if self._habits.thinking_s:
             time.sleep(self._habits.thinking_s)
@@ -146,6 +147,7 @@ class Strokes:
                 os.kill(os.getpid(), signal.SIGKILL)
             raise PlanningError("No branch stayed finite.")
         rng, observed, goal, near = np.random.default_rng(request.seed), request.observed, request.goal, request.near
+        rest = request.remainder
         ends = rng.uniform(_FREE_LOW_M, _FREE_HIGH_M, size=(2, 2, 2))
         paths = np.concatenate([ends, np.full((2, 2, 1), _PUSH_HEIGHT_M)], axis=2)
         above = paths[1, [0, 1]] + [0.0, 0.0, _TRAVEL_HEIGHT_M]
@@ -153,6 +155,7 @@ class Strokes:
         distance_m2 = float(chamfer_m2(observed, goal))
         cost = self._habits.cost + len(request.rejected)
         told = dict(self._habits.terms) | ({} if near is None else {"near": float(near[0, 0])})
+        told |= {} if rest is None else {"remainder": float(rest[0, 0])}
         final = (observed + self._habits.share * (goal.mean(0) - observed.mean(0))).astype(np.float32)
         branches = (
             _branch("policy", paths[0], observed, final, cost, told),
@@ -173,7 +176,7 @@ def _branch(
 ) -> Branch:
     return Branch(
         origin=origin,
-        actions=path[None, :, :2].reshape(1, -1).astype(np.float32),
+        actions=np.tile(path[:, :2].reshape(1, -1), (2, 1)).astype(np.float32),
         tool_path=path.astype(np.float32),
         predicted=observed,
         final=final,

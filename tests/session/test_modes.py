@@ -139,11 +139,13 @@ async def test_what_was_rejected_is_told_to_the_planner_until_something_moves(id
 
 
 async def test_where_the_rope_was_predicted_is_told_to_the_planner_until_it_may_lie_elsewhere(idle: Run) -> None:
+    """And how the plan was to go on until the next one is decided on."""
     person = idle.person
     await person.chooses("approve each")
     first = await person.sees(Proposal)
     await pushes(idle, first)
     then = {"near": float(first.chosen.tool_path[0, 0])}
+    continued = then | {"remainder": then["near"]}
     rejected = await person.sees(Proposal)
     await person.decides(rejected, approve=False)
     stopped = await person.sees(Proposal)
@@ -152,7 +154,7 @@ async def test_where_the_rope_was_predicted_is_told_to_the_planner_until_it_may_
     await person.presses_stop()
     await person.sees(Executed, "stopped")
     await person.presses_resume()
-    assert (rejected.chosen.terms, stopped.chosen.terms) == (then, then)
+    assert (rejected.chosen.terms, stopped.chosen.terms) == (continued, then)
     assert (await person.sees(Proposal)).chosen.terms == {}
 
 
@@ -191,6 +193,17 @@ async def test_a_goal_that_is_given_voids_the_plan_and_is_planned_for(idle: Run)
     np.testing.assert_array_equal(goal.positions, request.positions)
     assert withdrawn(await person.sees(Notice, "is for another goal"), proposal)
     assert (await person.sees(Proposal)).goal_id == goal.id
+
+
+async def test_a_plan_for_another_goal_does_not_go_on_with_the_one_before(idle: Run) -> None:
+    person = idle.person
+    await person.chooses("approve each")
+    await pushes(idle, await person.sees(Proposal))
+    continued = await person.sees(Proposal)
+    await person.asks(goal_request(continued.observed + np.array([0.0, 0.1, 0.0])))
+    await person.sees(Notice, "is for another goal")
+    assert "remainder" in continued.chosen.terms
+    assert "remainder" not in (await person.sees(Proposal)).chosen.terms
 
 
 async def test_where_the_view_is_the_goal_it_is_reached_and_the_session_waits(idle: Run) -> None:

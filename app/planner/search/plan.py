@@ -21,7 +21,7 @@ from app.core.types import Centreline, Points, ToolPose
 from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
-from app.planner.search.tree import TreeConfig, roll_out, simulate, start
+from app.planner.search.tree import TreeConfig, continues, roll_out, simulate, start
 from app.policy.base import PARKED_POSE, PlanningState
 
 _AGAIN_M = 0.02
@@ -66,6 +66,8 @@ class TreePlanner:
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
             origins[0] = self.search.origin
+        if continues(self.search, request):
+            origins[-1] = "continued"
         seen = film(self.search, tree.phi, tree.now, descended.best.actions, descended.best.final)
         found = jax.device_get(descended)
         return choose(self.search, found, origins, request, seen=seen)

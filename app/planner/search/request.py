@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.config import Site
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.messages import Branch
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
 
@@ -16,6 +18,11 @@ Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
 after it."""
 Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
 """Tool paths [m], each of its own length."""
+Actions: TypeAlias = Float32[np.ndarray, "L A"]
+"""Actions one after another, in a task's action space."""
+
+_SEEN_M2 = 2 * 0.005**2
+"""Chamfer distance [m^2] of two observations of an object that lay still: noise, and where particles happen to be."""
 
 
 @final
@@ -25,7 +32,8 @@ class PlanRequest:
 
     `tool`: its pose; None where actions begin anywhere. Without a `command` the arm is commanded the motion itself.
     `rejected`: first actions, by their tool paths, that are not proposed again while there is another. `near`: the
-    nodes of a rope as the plan before predicted them [m]. The same `seed` decides the same on a CPU.
+    nodes of a rope as the plan before predicted them [m]. `remainder`: the actions with which that plan was to go on
+    (`remainder_of`), from which this one starts too. The same `seed` decides the same on a CPU.
     """
 
     observed: Points
@@ -37,3 +45,14 @@ class PlanRequest:
     command: Command | None = None
     rejected: Ways = ()
     near: Centreline | None = None
+    remainder: Actions | None = None
+
+
+def remainder_of(branch: Branch, before: Points, now: Points) -> Actions | None:
+    """The later actions of a branch whose first was made, from `before` to `now`, particles (N, 3) as observed [m].
+
+    None where there are none, or the prediction did not come true: the object is farther from it (Chamfer) than from
+    where it was, and than two observations of one object are.
+    """
+    wrong_m2, moved_m2 = (float(chamfer_m2(x, now)) for x in (branch.predicted, before))
+    return branch.actions[1:] if len(branch.actions) > 1 and wrong_m2 <= max(moved_m2, _SEEN_M2) else None

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from math import ceil
 from typing import NamedTuple, Self, final
 
 import jax
@@ -24,6 +25,9 @@ from app.policy.base import PlanningState
 Improve = Callable[[Float[Array, "B D A"]], OptimizedRollouts]
 """Simulates the samples of a generation, and may move each of them downhill."""
 
+_CONTINUED = 0.5
+"""Share of the first samples that is about the remainder of the plan before; the others are drawn anew."""
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +35,15 @@ class SampleSchedule:
     """Generations of samples.
 
     A first one drawn at random is followed by others from the Gaussian that `update` makes of the one before, up to
-    `generations`. The `kept` best of all generations are the branches of the plan.
+    `generations`. The `kept` best of all generations are the branches of the plan. Where the plan before has left a
+    remainder, `continued` of the first ones are it, and others from a Gaussian of `spread` [scale] about it.
     """
 
     generations: int
     kept: int
     update: Update
+    continued: int = 0
+    spread: float = 0.5
 
 
 @final
@@ -62,7 +69,10 @@ class SamplingPlanner:
         return cls(
             search=replace(search, branches=size.population, guided=False),
             schedule=SampleSchedule(
-                generations=size.generations, kept=min(search.branches, size.population), update=update
+                generations=size.generations,
+                kept=min(search.branches, size.population),
+                update=update,
+                continued=ceil(size.population * _CONTINUED),
             ),
             descent=descent,
             gradient_steps=gradient_steps,
@@ -70,7 +80,7 @@ class SamplingPlanner:
 
     def __call__(self, request: PlanRequest) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
-        begun = start(self.search, request)
+        begun = self.shift(start(self.search, request), request)
         found = _evolve(self, begun, jnp.asarray(request.goal), _key(request.seed))
         origins: list[Origin] = ["sampled"] * self.schedule.kept
         seen = film(self.search, *_first(begun, self.schedule.kept), found.best.actions, found.best.final)
@@ -83,6 +93,17 @@ class SamplingPlanner:
         _evolve.lower(self, begun, jnp.asarray(example), _key(0)).compile()
         kept = self.schedule.kept
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
+
+    def shift(self, begun: RootBatch, request: PlanRequest) -> RootBatch:
+        """Draw some of the first samples about the remainder of the plan before; the last is that itself."""
+        others, rest = self.schedule.continued - 1, request.remainder
+        if rest is None or others < 1:
+            return begun
+        first, later, steps = np.array(begun.first), np.array(begun.later), min(len(rest), self.search.depth)
+        noise = np.random.default_rng([request.seed, 2]).standard_normal((others, steps, self.search.space.size))
+        about = rest[:steps] + self.schedule.spread * self.search.space.scale() * noise
+        first[-1 - others : -1], later[-1 - others : -1, : steps - 1] = about[:, 0], about[:, 1:]
+        return begun._replace(first=jnp.asarray(first), later=jnp.asarray(later))
 
 
 def _first(begun: RootBatch, count: int) -> tuple[Float[Array, "K P"], PlanningState]:

@@ -1,4 +1,4 @@
-"""The tree of trajectories: k random first actions and one of the policy, each continued by the policy."""
+"""The tree of trajectories: random first actions, the policy's and the last plan's, each continued by the policy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -88,31 +88,48 @@ class Rollout(NamedTuple):
 
 
 class RootBatch(NamedTuple):
-    """Roots of a tree: model and state of each branch, first actions, and later ones if not by policy."""
+    """Roots of a tree: model and state of each branch, first actions, and later ones where the policy has no say.
+
+    `given`: which of the later ones are taken; in place of others the policy acts. Without a policy all are.
+    """
 
     prepared: Prepared
     phi: Float[Array, "B P"]
     now: PlanningState
     first: Float[Array, "B A"]
     later: Float[Array, "B L A"]
+    given: Bool[Array, "B L"]
 
 
 def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
-    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
+    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them.
+
+    The last branch is the remainder of the plan before, where there is one, and a branch beside the policy's.
+    """
     rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
     observed, pose = request.observed, PARKED_POSE if request.tool is None else request.tool
     here = situation(search, observed, pose, request.near)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
     random = [search.space.sample(rng, observed, pose, missing)] if missing else []
-    later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
+    drawn = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
+    later = np.stack(drawn, axis=1) if drawn else np.zeros((count, depth - 1, search.space.size), np.float32)
+    given = np.full(later.shape[:2], not search.guided)
+    if continues(search, request) and (rest := request.remainder) is not None:
+        random[0][-1], later[-1, : len(rest) - 1], given[-1, : len(rest) - 1] = rest[0], rest[1:depth], True
     return RootBatch(
         prepared=kept[0],
         phi=jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0),
         now=_repeat(here, count),
         first=jnp.concatenate([*kept[1], *random]),
-        later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),
+        later=jnp.asarray(later),
+        given=jnp.asarray(given),
     )
+
+
+def continues(search: TreeConfig, request: PlanRequest) -> bool:
+    """True if a branch, the last, begins with the remainder of the plan before."""
+    return request.remainder is not None and search.branches > search.guided
 
 
 def start_by_policy(
@@ -142,12 +159,14 @@ def _repeat(here: PlanningState, count: int) -> PlanningState:
 
 
 def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
-    """All actions of all branches: after the first, the policy acts on the simulated states, or chance has."""
+    """All actions of all branches: after the first, those that are given, or what the policy does in what it meets."""
     now = tree.now
     actions = [search.space.project(tree.first, now)]
     for step in range(search.depth - 1):
         now = state_after(search, tree.phi, now, actions[-1])
-        wanted = search.policy.act(tree.prepared, now).mean if search.guided else tree.later[:, step]
+        wanted = tree.later[:, step]
+        if search.guided:
+            wanted = jnp.where(tree.given[:, step, None], wanted, search.policy.act(tree.prepared, now).mean)
         actions.append(search.space.project(wanted, now))
     return jnp.stack(actions, axis=1)
 
