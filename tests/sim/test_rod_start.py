@@ -16,7 +16,7 @@ from app.sim.rods.geometry.centreline import trace
 from app.sim.rods.geometry.polyline import distance, of_equal_steps
 from app.sim.rods.geometry.rope_cloud import RopeShape
 from app.sim.rods.geometry.verdict import assess, crossing
-from app.sim.rods.state import RodState
+from app.sim.rods.state import RodStart, RodState
 from app.tasks.elements.curves import fill_tube, random_curve
 
 ROPE = RopeShape(count=41, rest_m=0.010, radius_m=0.008)
@@ -305,3 +305,25 @@ def test_clouds_of_a_whole_calibration_are_traced_once(monkeypatch: pytest.Monke
     for _ in range(2):
         RodState.at_rest(jnp.asarray(clouds), ROPE.count, ROPE.rest_m, R)
     assert len(asked) == len(set(asked)) == len(clouds)
+
+
+def test_of_particles_that_are_there_the_start_is_that_of_a_program_and_a_prediction_compiles_nothing() -> None:
+    """Programs that ask the host are kept on no disk, and one more for a prediction would be compiled in a session."""
+    one, other = (jnp.asarray(seen(bent(seed), seed))[None] for seed in (1, 2))
+    begin = RodStart(ROPE.count, ROPE.rest_m, ROPE.radius_m)
+    found = begin(one)
+    inside = jax.jit(begin)(one)
+    for part, expected in zip(found, inside, strict=True):
+        np.testing.assert_allclose(part, expected, atol=2e-6)
+    predicted, began = jnp.asarray(np.asarray(found.centreline)[0]), list[str]()
+
+    def note(event: str, _: float, **__: object) -> None:
+        began.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    try:
+        near = begin(other, predicted)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(note)
+    assert near.nodes.shape == found.nodes.shape
+    assert not [event for event in began if "compile" in event]

@@ -171,6 +171,7 @@ def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
     return jnp.stack(actions, axis=1)
 
 
+@partial(jax.jit, static_argnums=0)
 def state_after(
     search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, action: Float[Array, "B A"]
 ) -> PlanningState:
@@ -179,6 +180,7 @@ def state_after(
     return PlanningState(state, search.space.after(action, now.tool))
 
 
+@partial(jax.jit, static_argnums=0)
 def simulate(
     search: TreeConfig,
     phi: Float[Array, "B P"],
@@ -186,7 +188,7 @@ def simulate(
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Rollout:
-    """Simulate every branch and cost it. Differentiable in `actions`, `now` and `phi`.
+    """Simulate every branch and cost it. Differentiable in `actions`, `now` and `phi`. Traced once for all that use it.
 
     Actions are projected onto what is allowed in the state they meet; gradients pass the projection straight through
     (its own derivative would forget how a start that was moved aside got there).
@@ -196,15 +198,11 @@ def simulate(
     terms = Terms(*jnp.zeros((3, len(phi))))
     allowed = jnp.ones(len(phi), bool)
     for step in range(search.depth):
-        wanted = actions[:, step]
-        here, start = jax.lax.stop_gradient((wanted, seen[-1]))
-        taken.append(wanted + (search.space.project(here, start) - here))
-        allowed &= search.space.is_allowed(taken[-1], seen[-1])
-        path = search.space.tool_path(taken[-1], seen[-1].tool)
-        state = search.advance(phi, seen[-1].state, path)
-        made = step_terms(seen[-1].x, state.x, goal, path, search.weights)
-        terms = terms.plus(made, search.weights.discount**step)
-        seen.append(PlanningState(state, search.space.after(taken[-1], seen[-1].tool)))
+        made = _made(search, phi, seen[-1], goal, actions[:, step])
+        taken.append(made.action)
+        allowed &= made.allowed
+        terms = terms.plus(made.terms, search.weights.discount**step)
+        seen.append(made.then)
     return Rollout(
         actions=jnp.stack(taken, axis=1),
         first=seen[1].x,
@@ -213,4 +211,33 @@ def simulate(
         terms=terms,
         cost=terms.total(search.weights),
         allowed=allowed,
+    )
+
+
+class _Step(NamedTuple):
+    """One action of each candidate: as it was simulated, if it may be made, what it costs, and the situation then."""
+
+    action: Float[Array, "B A"]
+    allowed: Bool[Array, " B"]
+    terms: Terms
+    then: PlanningState
+
+
+@partial(jax.jit, static_argnums=0)
+def _made(
+    search: TreeConfig,
+    phi: Float[Array, "B P"],
+    now: PlanningState,
+    goal: Float[Array, "M 3"],
+    wanted: Float[Array, "B A"],
+) -> _Step:
+    here, start = jax.lax.stop_gradient((wanted, now))
+    action = wanted + (search.space.project(here, start) - here)
+    path = search.space.tool_path(action, now.tool)
+    state = search.advance(phi, now.state, path)
+    return _Step(
+        action=action,
+        allowed=search.space.is_allowed(action, now),
+        terms=step_terms(now.x, state.x, goal, path, search.weights),
+        then=PlanningState(state, search.space.after(action, now.tool)),
     )

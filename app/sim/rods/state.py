@@ -35,11 +35,7 @@ class RodState(NamedTuple):
     @property
     def x(self) -> Float[jax.Array, "B N 3"]:
         """Positions of the particles [m]."""
-        middle, tangent = frames(self.nodes[:, :2], self.place)
-        along, left, height = jnp.moveaxis(self.offset, -1, 0)
-        x = middle[..., 0] + along * tangent[..., 0] - left * tangent[..., 1]
-        y = middle[..., 1] + along * tangent[..., 1] + left * tangent[..., 0]
-        return jnp.stack([x, y, height], axis=-1)
+        return _positions(self.nodes[:, :2], self.place, self.offset)
 
     @property
     def centreline(self) -> Float[jax.Array, "B 2 n"]:
@@ -62,7 +58,10 @@ class RodState(NamedTuple):
         to the centreline they must be, plus squared second differences, and are then moved to the nearest polygon whose
         segments are all `rest_m` long: linear in `x` but for that. `radius_m`: None, as evenly filled as `x` is high.
         """
-        near = jnp.zeros((2, 0)) if near is None else near
+        near = np.zeros((2, 0), np.float32) if near is None else near
+        if not isinstance(x, jax.core.Tracer):  # A program that asks the host is kept on no disk.
+            labels = _labels(count, rest_m, radius_m, x, near)
+            return cls(*_through(jnp.asarray(x, jnp.float32), jnp.asarray(labels), count, rest_m))
         return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m, radius_m, jnp.asarray(near, jnp.float32)))
 
     @classmethod
@@ -129,6 +128,18 @@ class RodStart:
     def state_at(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:
         """State through particles that were moved a little since their `places` were found."""
         return RodState(*_through(jnp.asarray(x), jnp.asarray(places), self.count, self.rest_m))
+
+
+@jax.jit  # Asked for again and again where a plan is traced.
+def _positions(
+    line: Float[jax.Array, "B 2 n"], place: Float[jax.Array, "B N"], offset: Float[jax.Array, "B N 3"]
+) -> Float[jax.Array, "B N 3"]:
+    """Positions of particles at `place` on polygons, `offset` from there [m]."""
+    middle, tangent = frames(line, place)
+    along, left, height = jnp.moveaxis(offset, -1, 0)
+    x = middle[..., 0] + along * tangent[..., 0] - left * tangent[..., 1]
+    y = middle[..., 1] + along * tangent[..., 1] + left * tangent[..., 0]
+    return jnp.stack([x, y, height], axis=-1)
 
 
 def frames(
