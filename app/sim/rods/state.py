@@ -7,6 +7,7 @@ from typing import NamedTuple, Self, final
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Float, Float32
 
 from app.sim.rods.geometry.centreline import SMOOTHING, locate_particles, radius_of, trace
@@ -58,11 +59,11 @@ class RodState(NamedTuple):
         to the centreline they must be, plus squared second differences, and are then moved to the nearest polygon whose
         segments are all `rest_m` long: linear in `x` but for that. `radius_m`: None, as evenly filled as `x` is high.
         """
-        near = np.zeros((2, 0), np.float32) if near is None else near
-        if not isinstance(x, jax.core.Tracer):  # A program that asks the host is kept on no disk.
-            labels = _labels(count, rest_m, radius_m, x, near)
+        prior = np.zeros((2, 0), np.float32) if near is None else near
+        if not isinstance(x, Tracer):  # A program that asks the host is kept on no disk.
+            labels = _labels(count, rest_m, radius_m, x, prior)
             return cls(*_through(jnp.asarray(x, jnp.float32), jnp.asarray(labels), count, rest_m))
-        return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m, radius_m, jnp.asarray(near, jnp.float32)))
+        return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m, radius_m, jnp.asarray(prior, jnp.float32)))
 
     @classmethod
     def along(cls, line: Float[jax.Array, "B 2 n"]) -> Self:
