@@ -75,7 +75,7 @@ class Correction:
     def true_tool(self, told: ToolPose) -> ToolPose:
         """True pose of a tool that is at rest, and by the arm's own account is here."""
         stays = np.stack([told, told])
-        there = self.executed_path(stays[:, :3], Load(np.zeros((2, 3))), stays[:, 3:7])
+        there = self.executed_path(stays[:, :3], _unloaded(2), stays[:, 3:7])
         return np.concatenate([there[-1], told[3:]])
 
     def unproject(self, points: Points, tool: ToolPose | None = None) -> Points:
@@ -110,13 +110,17 @@ class Correction:
         """Command to the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
 
         It compensates errors of the path, however slow the motion, and not delay and lag, which change its timing
-        (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
+        (docs/decisions/0007-extended-models.md). No lower than the site's workspace; one that continues begins where
+        the arm has the tool, by its own account.
         """
         felt = self._drag_load(motion, before, after)
         told = motion.positions
         for _ in range(_ROUNDS):
             told = told + motion.positions - self.executed_path(told, felt, motion.poses[:, 3:7])
         told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
+        if motion.continues:
+            begins = np.repeat(motion.positions[:1], 2, axis=0)
+            told[0] = 2 * begins[0] - self.executed_path(begins, _unloaded(2), motion.poses[[0, 0], 3:7])[0]
         return replace(motion, positions=told)
 
     def executed_path(self, told: Path3, felt: Load, turns: _Turns | None = None) -> Path3:
@@ -222,6 +226,10 @@ def _with_count(points: Points, inside: Bool[np.ndarray, " N"], wanted: int, dro
 def _predictor(task: str) -> Predictor:
     subject = subject_of(load(task))
     return Predictor(subject, subject.catalogue())
+
+
+def _unloaded(count: int) -> Load:
+    return Load(np.zeros((count, 3)))
 
 
 def _track(positions: Path3, times_s: Float64[np.ndarray, " T"], turns: _Turns | None) -> Track:
