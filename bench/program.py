@@ -21,32 +21,32 @@ def joined(command: Sequence[str]) -> str:
 
 
 def run(command: Sequence[str], folder: Path, *, module: str = "app", shown: bool = False) -> str:
-    """Output of the program, or of another module, in a folder; `shown`: line by line, as it comes, here too.
+    """Output of the program, or of another module, in a folder; `shown`: also here as it comes, and all of its errors.
 
     Raises UsageError if it fails.
     """
     words = [word for each in command for word in _spread(each, folder)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "80", "NO_COLOR": "1", "PYTHONUNBUFFERED": "1"}
-    said, lines = subprocess.STDOUT if shown else subprocess.PIPE, list[str]()
+    order = [sys.executable, "-m", module, *words]
+    errors = None if shown else subprocess.PIPE
     with subprocess.Popen(
-        [sys.executable, "-m", module, *words],
-        cwd=folder,
-        env=environment,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=said,
+        order, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=errors
     ) as process:
         if shown:
-            assert process.stdout is not None
-            for line in process.stdout:
-                lines.append(line)
-                print(line, end="", flush=True)
-            error = "".join(lines)
+            output, error = _echo(process), "see above"
         else:
             output, error = process.communicate()
-            lines.append(output)
     if process.returncode != 0:
         raise UsageError(f"{module} {joined(command)} failed in {folder}: {error.strip()[-_SAID:]}")
+    return output
+
+
+def _echo(process: subprocess.Popen[str]) -> str:
+    """Print its lines as they come; all of them."""
+    lines = list[str]()
+    for line in process.stdout or ():
+        lines.append(line)
+        print(line, end="", flush=True)
     return "".join(lines)
 
 

@@ -6,6 +6,7 @@ recordings and in episodes, so that nothing is rendered.
 """
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,20 +110,20 @@ STORIES: Final = (
     Story(
         task="pour_water",
         title="Water, and a bowl that is fuller than was said",
-        about="The held bowl has 25 % more in it, or less, than cameras and program are told.",
+        about="The held bowl has 30 % more in it than cameras and program are told.",
         hidden="fill_level",
-        size=2.5,
-        seed=61,
-        episodes=4,
+        size=3.0,
+        seed=64,
+        episodes=5,
         motions=3,
     ),
     Story(
         task="pour_soup",
         title="Soup, and a bowl that is held elsewhere",
-        about="The held bowl is 15 mm from where the kinematics have it; the other one is narrow, and far.",
+        about="The held bowl is 18 mm from where the kinematics have it; the other one is narrow, and far.",
         hidden="tcp_offset",
-        size=5.0,
-        seed=62,
+        size=6.0,
+        seed=65,
         episodes=4,
         motions=3,
         split="hard",
@@ -158,6 +159,7 @@ def told(story: Story, folder: Path, problems: int, jobs: int) -> list[Pair]:
     """Make what is missing of a story in its folder, step by step; its problems as far as both models ended them."""
     folder.mkdir(parents=True, exist_ok=True)
     if not (folder / "truth.json").exists():
+        shutil.rmtree(folder / "recordings", ignore_errors=True)
         (folder / "order.json").write_text(json.dumps(story.order), encoding="utf-8")
         print(f"{story.task}: recordings", flush=True)
         run(("order.json", "-o", "."), folder, module="bench.hidden.made", shown=True)

@@ -28,11 +28,11 @@ from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
 from app.perception.body.resample import resample
+from app.perception.body.vessels import Vessel
 from app.planner.base import Planner
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.tasks import load
-from app.tasks.elements.pouring import pool_points
 
 _Turns: TypeAlias = Float64[np.ndarray, "T 4"]
 
@@ -165,14 +165,17 @@ class Correction:
         bowls, more = self.predictor.subject.bowls, self.predictor.more(self.theta)
         if bowls is None or more == 0:
             return points
-        inside, (drops, ratio) = bowls.inside(points), self._drops(len(points))
+        inside, place, (drops, ratio) = bowls.inside(points), np.array(bowls.place_m), self._drops(len(points))
         stands_m3 = float(inside.mean()) * bowls.volume_m3
+        if inside.all() and more > 0:  # It may be more than a reconstruction has particles for.
+            said, whole = (_height_m(bowls.radius_m, (1 + each) * stands_m3, len(points), place) for each in (0, more))
+            above = (float(points[:, 2].mean(dtype=np.float64)) - said) / (whole - said)
+            stands_m3 *= 1 + more * min(max(above, 0.0), 1.0)
         held_m3 = max((1 + more) * bowls.volume_m3 - stands_m3, 0.0)
-        stand = min(round(int(inside[:drops].sum()) / ratio), drops)
-        if held_m3 < _LEAST * bowls.volume_m3:
-            stand = drops
+        liquid = stands_m3 / bowls.volume_m3 * len(points) - float(inside[drops:].sum())
+        stand = drops if held_m3 < _LEAST * bowls.volume_m3 else min(round(liquid / ratio), drops)
         true = bowls.fill(points, tool_m, more).copy()
-        standing = _pool(bowls.radius_m, stands_m3, stand, np.array(bowls.place_m))
+        standing = _pool(bowls.radius_m, stands_m3, stand, place)
         true[:drops] = np.concatenate([standing, _pool(bowls.held_radius_m, held_m3, drops - stand, tool_m)])
         return true
 
@@ -206,8 +209,14 @@ def _pool(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndar
     """So many particles throughout a liquid at rest in a bowl about `centre` [m]."""
     if not count:
         return np.zeros((0, 3), np.float32)
-    cloud = pool_points(radius_m, volume_m3, _POINTS_A_PARTICLE * count)
-    return (resample(cloud, count, seed=0) + centre).astype(np.float32)
+    x, y, z = (float(place) for place in centre)
+    pool = Vessel(radius_m=radius_m, place_m=(x, y, z)).pool(volume_m3)
+    return resample(pool.points(float(np.cbrt(volume_m3 / (_POINTS_A_PARTICLE * count)))), count, seed=0)
+
+
+def _height_m(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndarray, "3"]) -> float:
+    """Mean height [m] of the particles of such a pool."""
+    return float(_pool(radius_m, volume_m3, count, centre)[:, 2].mean(dtype=np.float64))
 
 
 def _with_count(points: Points, inside: Bool[np.ndarray, " N"], wanted: int, drops: int) -> Points:
