@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from app.config import Site
+from app.core.geometry.bowls import cap_depth_m
 from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
@@ -28,7 +29,7 @@ from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
 from app.perception.body.resample import resample
-from app.perception.body.vessels import Vessel
+from app.perception.body.vessels import Pool, Vessel
 from app.planner.base import Planner
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
@@ -40,6 +41,8 @@ _PAUSE_S = 1e4
 """Time between two positions of a path, so slow that no delay or lag shows."""
 _POINTS_A_PARTICLE = 8
 """Points of a pool for each of its particles, which are means of them."""
+_LAYERS = 4
+"""Layers of points in a pool at least."""
 _LEAST = 0.005
 """Share of a liquid below which none is in a bowl."""
 _ROUNDS = 12
@@ -210,8 +213,10 @@ def _pool(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndar
     if not count:
         return np.zeros((0, 3), np.float32)
     x, y, z = (float(place) for place in centre)
-    pool = Vessel(radius_m=radius_m, place_m=(x, y, z)).pool(volume_m3)
-    return resample(pool.points(float(np.cbrt(volume_m3 / (_POINTS_A_PARTICLE * count)))), count, seed=0)
+    depth_m = cap_depth_m(volume_m3, radius_m)
+    pool = Pool(vessel=Vessel(radius_m=radius_m, place_m=(x, y, z)), level_m=z - radius_m + depth_m)
+    apart_m = min(float(np.cbrt(volume_m3 / (_POINTS_A_PARTICLE * count))), depth_m / _LAYERS)
+    return resample(pool.points(apart_m), count, seed=0)
 
 
 def _height_m(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndarray, "3"]) -> float:

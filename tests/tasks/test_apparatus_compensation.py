@@ -185,7 +185,9 @@ def height_m(points: Points) -> float:
     return float(np.quantile(points[:, 2], 0.99))
 
 
-@pytest.mark.parametrize(("more", "share"), [(0.2, 0.0), (0.2, 0.5), (-0.2, 0.3), (-0.2, 0.8)])
+@pytest.mark.parametrize(
+    ("more", "share"), [(0.2, 0.0), (0.2, 0.5), (-0.2, 0.3), (-0.2, 0.8), (-0.2, 0.79), (0.01, 0.003)]
+)
 def test_every_particle_of_a_liquid_is_an_equal_share_of_all_that_there_is(more: float, share: float) -> None:
     error, seen = correction(replace(model(fill_level=more), task="pour_water")), water(share, HELD)
     before = seen.copy()
