@@ -163,7 +163,7 @@ def told(story: Story, folder: Path, problems: int, jobs: int) -> list[Pair]:
         (folder / "order.json").write_text(json.dumps(story.order), encoding="utf-8")
         print(f"{story.task}: recordings", flush=True)
         run(("order.json", "-o", "."), folder, module="bench.hidden.made", shown=True)
-    if not (folder / _EXTENDED).exists():
+    if not (folder / "verdict.txt").exists():
         print(f"{story.task}: discovery, of minutes", flush=True)
         said = run(DISCOVER, folder, shown=True)
         kept = [line.rstrip() for line in said.splitlines() if _PLAIN_STAGES not in line[:12]]

@@ -271,8 +271,9 @@ class _LockStepStages:
         hidden = self._order.hidden
         if hidden is None or not isinstance(self._task.stage.tool, HeldBowl):
             return self._noisy(self._task.particles(self._cell.nodes(), self._count))
-        where = {"tip": self._cell.tip, "told": self._cell.tool}
-        return seen_pour(self._task, self._cell.nodes(), self._count, self._rng, more=hidden.more, **where)
+        tip, told = self._cell.tip, self._cell.tool
+        nodes = self._cell.nodes()
+        return seen_pour(self._task, nodes, self._count, self._rng, tip=tip, told=told, more=hidden.more)
 
     def _noisy(self, x: Points) -> Points:
         noisy = x + NOISE_M * self._rng.standard_normal(x.shape)
