@@ -6,21 +6,16 @@ made again.
 """
 
 import json
-import os
 import re
-import shlex
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, final
+from typing import Annotated, Final, final
 
 import tyro
 
-from app.core.errors import UsageError
 from bench.browser import open_browser
+from bench.program import ROOT, hidden_in, joined, run
 
-ROOT: Final = Path(__file__).parents[1]
 DOCS: Final = ROOT / "docs"
 _AMOUNT: Final = ("--episodes", "5", "--pushes", "3")
 _SIZE: Final = {"width": 1180, "height": 760}
@@ -99,15 +94,11 @@ investigate one to five on two cores. This page and its pictures are what they p
 def section(case: Shown, printed: str, truth: str) -> str:
     """A case as the page has it."""
     lines = "\n".join(line.rstrip() for line in printed.rstrip().splitlines())
-    commands = "\n".join(f"dipac {_joined(each)}" for each in (case.hide, case.discover))
+    commands = "\n".join(f"dipac {joined(each)}" for each in (case.hide, case.discover))
     return (
         f"## {case.title}\n\n{case.about}\n\n```\n{commands}\n```\n\n```text\n{lines}\n```\n\n"
         f"Hidden was: {truth}.\n\n![The top of the report](images/gallery-{case.name}.png)\n"
     )
-
-
-def _joined(command: tuple[str, ...]) -> str:
-    return " ".join(word if "*" in word else shlex.quote(word) for word in command)
 
 
 def made(case: Shown, folder: Path) -> str:
@@ -115,42 +106,15 @@ def made(case: Shown, folder: Path) -> str:
     printed = folder / f"{case.name}.txt"
     if not printed.exists():
         if not (folder / case.name).exists():
-            _run(case.hide, folder)
-        said = _run(case.discover, folder)
+            run(case.hide, folder)
+        said = run(case.discover, folder)
         printed.write_text("\n".join(line for line in said.splitlines() if not _PROGRESS.match(line)).strip() + "\n")
     return printed.read_text()
 
 
-def _run(command: tuple[str, ...], folder: Path) -> str:
-    """Output of the program. Raises UsageError if it fails."""
-    words = [word for each in command for word in _spread(each, folder)]
-    done = subprocess.run(
-        [sys.executable, "-m", "app", *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "80", "NO_COLOR": "1"},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
-    if done.returncode != 0:
-        raise UsageError(f"dipac {_joined(command)} failed in {folder}: {done.stderr.strip()[-500:]}")
-    return done.stdout
-
-
-def _spread(word: str, folder: Path) -> list[str]:
-    """Expansion of a word with a star, as by a shell."""
-    return sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
-
-
 def truth_of(case: Shown, folder: Path) -> str:
     """Truth in the sealed file, as text."""
-    sealed = json.loads((folder / f"{case.name}.truth.json").read_text(encoding="utf-8"))
-    effects = [f"`{effect['effect']}` ({_values(effect['parameters'])})" for effect in sealed["effects"]]
-    return " and ".join(effects) or "nothing"
-
-
-def _values(parameters: dict[str, Any]) -> str:
-    return ", ".join(f"{name} {each['value']:.3g} {each['unit']}" for name, each in parameters.items())
+    return hidden_in(json.loads((folder / f"{case.name}.truth.json").read_text(encoding="utf-8")))
 
 
 def main(

@@ -53,6 +53,7 @@ def evaluate(
     actions: int | None = None,
     play_on: bool = False,
     world: RopeModel = "chain",
+    hidden: Path | None = None,
     workers: Where = "local",
     jobs: int = 1,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
@@ -78,6 +79,7 @@ def evaluate(
         actions: at most, in an episode; the task's horizon where none is said.
         play_on: make all actions, also once the goal is reached, so that ends compare; success counts when it was seen.
         world: a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points.
+        hidden: the sealed file of `dipac hide`: play in its world, with what is hidden in it, and with its frictions.
         workers: processes of this machine, or those of a Ray cluster.
         jobs: so many processes of this machine at a time.
         output: the folder of results, new or one to go on with.
@@ -105,6 +107,7 @@ def evaluate(
             actions=actions,
             play_on=play_on,
             world=world,
+            hidden=hidden,
         )
         for seed in range(seeds)
         for name in tasks
@@ -116,6 +119,8 @@ def evaluate(
             f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online. "
             f"{NO_REMAINDER} leaves nothing out where plans are one action long."
         )
+    for trial in {trial.task: trial for trial in trials}.values():
+        _ = trial.hidden_world
     make_folder(output / "models", "-o")
     with results_log.folder_lock(output):
         if model is not None:

@@ -14,13 +14,16 @@ from app.core.dialogue.approval import Approved, automatic_decision
 from app.core.errors import DipacError, PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.orientation import UNKNOWN
+from app.core.geometry.shapes.tools import HeldBowl
 from app.core.messages import Branch, Decision, Executed, Frame, Goal, Model, Particles, Proposal, Transition, fresh_id
-from app.core.types import Centreline, Points
+from app.core.types import Centreline, Points, ToolPose
+from app.evaluation.pour_view import seen_pour
 from app.jobs import worker_api
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
 from app.planner.search.request import remainder_of
+from app.rig.simulated.hidden_world import HiddenWorld
 from app.rig.simulated.lockstep import LockStep
 from app.session.approving import approval_gate
 from app.session.loop import complete, go_round
@@ -41,7 +44,8 @@ class EvaluationConfig:
     """Configuration of an episode. `online`: the model learns from every action; `actions` at most, the task's horizon.
 
     `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
-    `otherwise`: the fallback if `method` finds no feasible action; None: `method` again.
+    `otherwise`: the fallback if `method` finds no feasible action; None: `method` again. `hidden`: what is hidden in
+    the cell.
     """
 
     task: Task
@@ -54,6 +58,7 @@ class EvaluationConfig:
     actions: int | None = None
     play_on: bool = False
     otherwise: Method | None = None
+    hidden: HiddenWorld | None = None
 
     @cached_property
     def episode(self) -> EpisodeConfig:
@@ -160,7 +165,7 @@ class _LockStepStages:
         self._order, self._site, self._task = order, site, order.task
         self._count = order.task.preset(order.preset).particle_count
         self._gate = approval_gate(site.timing)
-        self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
+        self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed, order.hidden)
         self._goal, self._model = order.episode.target, order.model
         self._method, self._listen = order.method, listen
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
@@ -180,7 +185,7 @@ class _LockStepStages:
     async def observe(self) -> Particles | None:
         """The object as it was seen last; None where it is at the goal, or the actions are used up."""
         played, limit = self.played, self._order.episode.pushes
-        if played.done is None and self._task.has_ended(self._seen.positions, self._goal, self._cell.tool):
+        if played.done is None and self._has_ended(self._cell.tool):
             played.done = len(played.decision_s)
         at_goal = played.done is not None and not self._order.play_on
         self._over = at_goal or len(played.decision_s) >= limit
@@ -235,6 +240,11 @@ class _LockStepStages:
             )
         self._seen = after
 
+    def _has_ended(self, tool: ToolPose) -> bool:
+        """True if the object was seen at the goal, as far as the model knows what cameras show of it."""
+        x = worker_api.true_positions(self._seen.positions, self._model, tool)
+        return self._task.has_ended(x, self._goal, tool)
+
     def _judge(self) -> None:
         """Score the state by the truth."""
         played, x = self.played, self._task.particles(self._cell.nodes(), self._count)
@@ -249,7 +259,7 @@ class _LockStepStages:
             seen = reconstruct(self._frames, self._task.reconstruction(self._order.preset), self._cell.tool)
             positions, surface = seen.positions, seen.surface
         else:
-            positions = surface = self._noisy(self._task.particles(self._cell.nodes(), self._count))
+            positions = surface = self._shown_truth()
         return Particles(
             id=fresh_id("particles"),
             cause=tuple(frame.id for frame in self._frames),
@@ -258,6 +268,15 @@ class _LockStepStages:
             surface=surface,
             reconstruction_s=time.perf_counter() - began_s,
         )
+
+    def _shown_truth(self) -> Points:
+        """The object without images; a liquid in a world that hides something as a reconstruction has it."""
+        hidden = self._order.hidden
+        if hidden is None or not isinstance(self._task.stage.tool, HeldBowl):
+            return self._noisy(self._task.particles(self._cell.nodes(), self._count))
+        tip, told = self._cell.tip, self._cell.tool
+        nodes = self._cell.nodes()
+        return seen_pour(self._task, nodes, self._count, self._rng, tip=tip, told=told, more=hidden.more)
 
     def _noisy(self, x: Points) -> Points:
         noisy = x + NOISE_M * self._rng.standard_normal(x.shape)

@@ -48,17 +48,18 @@ def _cells(found: Sequence[Score]) -> list[list[str]]:
     return [
         [
             *(score.name, str(score.episodes), str(score.failed)),
-            _measurement(score.success, 100.0, "%"),
-            _measurement(score.chamfer_m2, MM2),
-            _measurement(score.worse_m2, MM2),
-            _measurement(score.reward, 1.0),
+            measurement(score.success, 100.0, "%"),
+            measurement(score.chamfer_m2, MM2),
+            measurement(score.worse_m2, MM2),
+            measurement(score.reward, 1.0),
             *(f"{score.actions:.1f}", f"{score.decision_s:.2f} / {score.longest_s:.2f}"),
         ]
         for score in found
     ]
 
 
-def _measurement(value: Measured, unit: float, sign: str = "") -> str:
+def measurement(value: Measured, unit: float, sign: str = "") -> str:
+    """The value with its interval, in another unit; a dash where there is none."""
     if not value.n:
         return "-"
     text = f"{_number(value.value * unit)}{sign}"

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from app.config import Site
-from app.core.geometry.scene_description import RopeModel
+from app.core.errors import UsageError
+from app.core.geometry.scene_description import RopeModel, Stage
 from app.core.messages import Model
 from app.evaluation.episode import EvaluationConfig, Eyes, play
 from app.jobs import worker_api
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
 from app.recording.exchange.model_file import load_model
+from app.rig.simulated.hidden_world import HiddenWorld, load_hidden_world
 from app.tasks import load
 
 if TYPE_CHECKING:  # Whoever lists trials shall not load JAX for them.
@@ -42,6 +44,7 @@ class Trial:
 
     `planner`: a planner, a kind of learned policy that acts alone, or `dipac+KIND`, which it guides. `policies`: where
     these are, as TASK/KIND. `model`: the file of the calibrated model; None where the method does without.
+    `hidden`: the sealed file of `dipac hide` whose world is played in.
     """
 
     task: str
@@ -56,6 +59,7 @@ class Trial:
     actions: int | None = None
     play_on: bool = False
     world: RopeModel = "chain"
+    hidden: Path | None = None
 
     @property
     def key(self) -> str:
@@ -66,7 +70,24 @@ class Trial:
     def settings(self) -> dict[str, Any]:
         """Settings that all episodes of an evaluation share, as in their rows."""
         names = ("preset", "eyes", "online", "actions", "play_on", "world")
-        return {name: getattr(self, name) for name in names}
+        world = self.hidden_world
+        return {name: getattr(self, name) for name in names} | {"hidden": world and str(world)}
+
+    @property
+    def stage(self) -> Stage:
+        """The task's stage, in the rope's world of the trial."""
+        return load(self.task).stage.in_world(self.world)
+
+    @property
+    def hidden_world(self) -> HiddenWorld | None:
+        """The world of `hidden`. Raises UsageError where it cannot be played in."""
+        if self.hidden is None:
+            return None
+        found = load_hidden_world(self.hidden, self.task, self.stage.body)
+        if self.eyes == "truth" and found.in_images:
+            unseen = ", ".join(found.in_images)
+            raise UsageError(f"{self.hidden} hides {unseen}, which images alone have; play it with --eyes cameras.")
+        return found
 
     @property
     def follows(self) -> bool:
@@ -96,10 +117,9 @@ def playable() -> list[str]:
 def run_trial(trial: Trial) -> dict[str, Any]:
     """Play it, and return its row of results, `failure` included; errors of the program itself are raised."""
     began_s, method = time.perf_counter(), trial.method
-    model = _model(trial, method)
-    task = load(trial.task)
+    model, hidden = _model(trial, method), trial.hidden_world
     order = EvaluationConfig(
-        task=replace(task, stage=task.stage.in_world(trial.world)),
+        task=replace(load(trial.task), stage=trial.stage),
         preset=trial.preset,
         seed=trial.seed,
         method=method,
@@ -108,6 +128,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         eyes=trial.eyes,
         actions=trial.actions,
         play_on=trial.play_on,
+        hidden=hidden,
     )
     for stage in range(len(worker_api.warm_up_stages(trial.task, trial.preset, model, method))):
         worker_api.warm_up_stage(trial.task, trial.preset, stage, model, method)
@@ -116,6 +137,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         "policies": str(trial.policies) if trial.policies and method.policy else None,
         "policy_digest": method.policy.digest if method.policy else None,
         "model": str(trial.model) if trial.model and method.calibrated else None,
+        "hidden": hidden and str(hidden),
         "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
         "success": played.success,
         "done": played.done,

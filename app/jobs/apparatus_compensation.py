@@ -4,7 +4,9 @@ The simulator, the planner and goals are in the true world frame, that of the ro
 with them, are in the frame of the cameras; motions are commands to the arm. Recordings hold both as they were.
 
 A reconstruction has a liquid in the bowls as it knows them. Errors of cameras raise or lower its level and move no
-cloud (docs/decisions/0029-poured.md); what is in the held bowl is where the arm has it.
+cloud (docs/decisions/0029-poured.md); what is in the held bowl is where the arm has it. How much there is of it the
+reconstruction is told. Where there is more, or less, each true particle is an equal share of all that there is
+(docs/decisions/0032-more-than-was-said.md).
 """
 
 from dataclasses import dataclass, replace
@@ -12,19 +14,22 @@ from functools import lru_cache, partial
 from typing import TypeAlias, final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from app.config import Site
+from app.core.geometry.bowls import cap_depth_m
 from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
-from app.core.types import Path3, Points
+from app.core.types import Path3, Points, ToolPose
 from app.discovery.dataset.labels import label_particles
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Eye, Load
 from app.jobs.discovery_subject import subject_of
+from app.perception.body.resample import resample
+from app.perception.body.vessels import Pool, Vessel
 from app.planner.base import Planner
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
@@ -34,6 +39,12 @@ _Turns: TypeAlias = Float64[np.ndarray, "T 4"]
 
 _PAUSE_S = 1e4
 """Time between two positions of a path, so slow that no delay or lag shows."""
+_POINTS_A_PARTICLE = 8
+"""Points of a pool for each of its particles, which are means of them."""
+_LAYERS = 4
+"""Layers of points in a pool at least."""
+_LEAST = 0.005
+"""Share of a liquid below which none is in a bowl."""
 _ROUNDS = 12
 """Iterations of an inverse: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
 
@@ -54,33 +65,65 @@ class Correction:
         centreline after it, and the one it is `near`, are in the true frame.
         """
         command = partial(self.command, site=request.site)
-        found = planner(replace(request, observed=self.unproject(request.observed), command=command))
+        found = planner(replace(self.true_request(request), command=command))
         branches = tuple(self._observed_branch(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
-    def unproject(self, points: Points) -> Points:
-        """True position of the object that cameras observe here [m]; of a liquid, which they do not move, the same."""
-        if self.predictor.subject.bowls is not None:
+    def true_request(self, request: PlanRequest) -> PlanRequest:
+        """The request for the object and the tool as they truly are."""
+        told = request.tool
+        tool = None if told is None else self.true_tool(told)
+        return replace(request, observed=self.unproject(request.observed, told), tool=tool, told_tool=told)
+
+    def true_tool(self, told: ToolPose) -> ToolPose:
+        """True pose of a tool that is at rest, and by the arm's own account is here."""
+        stays = np.stack([told, told])
+        there = self.executed_path(stays[:, :3], _unloaded(2), stays[:, 3:7])
+        return np.concatenate([there[-1], told[3:]])
+
+    def unproject(self, points: Points, tool: ToolPose | None = None) -> Points:
+        """True position of the object that cameras observe here [m].
+
+        Cameras do not move a liquid, of which the particles are as many as ever: in a held bowl that by the arm's own
+        account is at `tool` they are where that truly is, and stand there as high as they truly do.
+        """
+        bowls = self.predictor.subject.bowls
+        if bowls is None:
+            return self.predictor.unproject(points, self._eye(points), self.theta)
+        if tool is None:
             return points
-        return self.predictor.unproject(points, self._eye(points), self.theta)
+        true = self.true_tool(tool)[:3]
+        return self._true_content(bowls.carry(points, tool[:3], true), true)
 
     def observe(self, points: Points) -> Points:
-        """Observed position of the object that truly is here [m]; non-finite as the input is. The same of a liquid."""
-        if self.predictor.subject.bowls is not None or not np.isfinite(points).all():
+        """Observed position of the object that truly is here [m]; non-finite as the input is.
+
+        Of a liquid as much is shown in the bowl that stands as cameras will see there.
+        """
+        bowls = self.predictor.subject.bowls
+        if not np.isfinite(points).all():
             return points
-        return self.predictor.observe(points, self._eye(points), self.theta)
+        if bowls is None:
+            return self.predictor.observe(points, self._eye(points), self.theta)
+        drops, ratio = self._drops(len(points))
+        inside = bowls.inside(points)
+        return _with_count(points, inside, round(ratio * int(inside[:drops].sum())), drops)
 
     def command(self, motion: Motion, before: Points, after: Points, site: Site) -> Motion:
         """Command to the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
 
         It compensates errors of the path, however slow the motion, and not delay and lag, which change its timing
-        (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
+        (docs/decisions/0007-extended-models.md). No lower than the site's workspace; one that continues begins where
+        the arm has the tool, by its own account.
         """
         felt = self._drag_load(motion, before, after)
         told = motion.positions
         for _ in range(_ROUNDS):
             told = told + motion.positions - self.executed_path(told, felt, motion.poses[:, 3:7])
         told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
+        if motion.continues:
+            begins = np.repeat(motion.positions[:1], 2, axis=0)
+            told[0] = 2 * begins[0] - self.executed_path(begins, _unloaded(2), motion.poses[[0, 0], 3:7])[0]
         return replace(motion, positions=told)
 
     def executed_path(self, told: Path3, felt: Load, turns: _Turns | None = None) -> Path3:
@@ -96,18 +139,48 @@ class Correction:
 
         What is in a held bowl is where that truly is.
         """
-        before, after = self.unproject(seen.before), self.unproject(seen.after)
+        before, after = seen.before, seen.after
+        bowls = self.predictor.subject.bowls
+        if bowls is None:
+            before, after = self.unproject(before), self.unproject(after)
         executed, measured = seen.executed, len(seen.executed.measured) > 0
         track = Track(times_s=executed.times_s, poses=executed.made)
         felt = dragging(track, before, after, self.predictor.subject)
         made = self.predictor.apply_errors(track, felt, self.theta, lambda effect: not (effect.told and measured))
-        bowls = self.predictor.subject.bowls
         if bowls is not None:
             before, after = (
-                bowls.carry(points, track.positions[end], made.positions[end])
+                self._true_content(bowls.carry(points, track.positions[end], made.positions[end]), made.positions[end])
                 for points, end in ((before, 0), (after, -1))
             )
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
+
+    def _drops(self, count: int) -> tuple[int, float]:
+        """Number of particles that are none of pieces; all of the liquid that there is over what was said."""
+        subject = self.predictor.subject
+        drops = subject.scene.split(count)[0]
+        return drops, 1 + self.predictor.more(self.theta) * count / drops
+
+    def _true_content(self, points: Points, tool_m: Float64[np.ndarray, "3"]) -> Points:
+        """The particles, each an equal share of all of the liquid that there is; the held bowl is truly at `tool_m`.
+
+        Pieces stay in their bowl, and rise with the level.
+        """
+        bowls, more = self.predictor.subject.bowls, self.predictor.more(self.theta)
+        if bowls is None or more == 0:
+            return points
+        inside, place, (drops, ratio) = bowls.inside(points), np.array(bowls.place_m), self._drops(len(points))
+        stands_m3 = float(inside.mean()) * bowls.volume_m3
+        if inside.all() and more > 0:  # It may be more than a reconstruction has particles for.
+            said, whole = (_height_m(bowls.radius_m, (1 + each) * stands_m3, len(points), place) for each in (0, more))
+            above = (float(points[:, 2].mean(dtype=np.float64)) - said) / (whole - said)
+            stands_m3 *= 1 + more * min(max(above, 0.0), 1.0)
+        held_m3 = max((1 + more) * bowls.volume_m3 - stands_m3, 0.0)
+        liquid = stands_m3 / bowls.volume_m3 * len(points) - float(inside[drops:].sum())
+        stand = drops if held_m3 < _LEAST * bowls.volume_m3 else min(round(liquid / ratio), drops)
+        true = bowls.fill(points, tool_m, more).copy()
+        standing = _pool(bowls.radius_m, stands_m3, stand, place)
+        true[:drops] = np.concatenate([standing, _pool(bowls.held_radius_m, held_m3, drops - stand, tool_m)])
+        return true
 
     def _observed_branch(self, branch: Branch) -> Branch:
         frames = np.stack([self.observe(each) for each in branch.frames]) if len(branch.frames) else branch.frames
@@ -135,10 +208,42 @@ def correction(model: Model) -> Correction:
     return Correction(predictor=predictor, theta=theta, camera_m=np.array(model.extension.camera_m))
 
 
+def _pool(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndarray, "3"]) -> Points:
+    """So many particles throughout a liquid at rest in a bowl about `centre` [m]."""
+    if not count:
+        return np.zeros((0, 3), np.float32)
+    x, y, z = (float(place) for place in centre)
+    depth_m = cap_depth_m(volume_m3, radius_m)
+    pool = Pool(vessel=Vessel(radius_m=radius_m, place_m=(x, y, z)), level_m=z - radius_m + depth_m)
+    apart_m = min(float(np.cbrt(volume_m3 / (_POINTS_A_PARTICLE * count))), depth_m / _LAYERS)
+    return resample(pool.points(apart_m), count, seed=0)
+
+
+def _height_m(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndarray, "3"]) -> float:
+    """Mean height [m] of the particles of such a pool."""
+    return float(_pool(radius_m, volume_m3, count, centre)[:, 2].mean(dtype=np.float64))
+
+
+def _with_count(points: Points, inside: Bool[np.ndarray, " N"], wanted: int, drops: int) -> Points:
+    """The points with so many of the first `drops` inside, as far as there are any to lie upon."""
+    shown, of_drops = points.copy(), inside[:drops]
+    there, elsewhere = np.flatnonzero(of_drops), np.flatnonzero(~of_drops)
+    by = min(wanted, drops) - len(there)
+    source, moved = (there, elsewhere) if by > 0 else (elsewhere, there)
+    if by and len(source):
+        moved = moved[np.linspace(0, len(moved) - 1, abs(by)).astype(int)]
+        shown[moved] = points[source[np.arange(abs(by)) % len(source)]]
+    return shown
+
+
 @lru_cache
 def _predictor(task: str) -> Predictor:
     subject = subject_of(load(task))
     return Predictor(subject, subject.catalogue())
+
+
+def _unloaded(count: int) -> Load:
+    return Load(np.zeros((count, 3)))
 
 
 def _track(positions: Path3, times_s: Float64[np.ndarray, " T"], turns: _Turns | None) -> Track:

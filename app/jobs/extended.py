@@ -8,9 +8,11 @@ from jaxtyping import Float64
 
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.discovery import sensor_actuator_errors
 from app.discovery.dataset.model_under_test import Catalogue, Theta, catalogue
 from app.discovery.residuals.sensitivity import Step
 from app.jobs.jit_cache import nominal_model
+from app.sim.files import files_of
 from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.sim.model.numerics import ANY_NUMERICS
 from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validate
@@ -142,8 +144,9 @@ def _slope(spec: ParameterSpec, value: float) -> float:
 
 
 def _effect_names() -> list[str]:
-    """Every effect that a model may name: causes, our own numerics, and libraries of terms."""
-    names = [*(cause.name for cause in catalogue().causes), *ANY_NUMERICS, *effects_of_the_simulator()]
+    """Every effect that a model may name, of whatever object: causes, our own numerics, and libraries of terms."""
+    apparatus = (name for name, _ in files_of(sensor_actuator_errors))
+    names = [*(cause.name for cause in catalogue().causes), *apparatus, *ANY_NUMERICS, *effects_of_the_simulator()]
     return list(dict.fromkeys(names))
 
 

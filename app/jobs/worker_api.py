@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -66,7 +65,7 @@ def plan(
 
     where, allowed_for = site or Site(), correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
-    x = allowed_for.unproject(observed) if allowed_for else observed
+    x = allowed_for.unproject(observed, tool) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(
         observed=observed,
@@ -87,7 +86,8 @@ def plan(
             raise
         from app.jobs import failures
 
-        raise PlanningError(f"{error}{failures.of_plan(task, search, replace(request, observed=x))}") from None
+        true = allowed_for.true_request(request) if allowed_for else request
+        raise PlanningError(f"{error}{failures.of_plan(task, search, true)}") from None
 
 
 def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
@@ -227,6 +227,15 @@ def planner_needs(model: Model) -> tuple[str, ...]:
 
     effects, stiff = jit_cache.needs(model.task, jit_cache.phi_of(model))
     return tuple(effect.parameters[0].name for effect in effects) + (("a stiff rope",) if stiff else ())
+
+
+def true_positions(observed: Points, model: Model, tool: ToolPose | None = None) -> Points:
+    """The object as it truly is, where the cameras say that it is at `observed` (N, 3) [m]: see `Correction.unproject`.
+
+    `tool`: its pose, by the arm's own account.
+    """
+    allowed_for = correction_of(model)
+    return allowed_for.unproject(observed, tool) if allowed_for else observed
 
 
 def shown_goal(goal: Points, model: Model) -> Points:

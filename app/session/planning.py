@@ -23,6 +23,7 @@ from app.jobs.worker_api import (
     nominal_model,
     plan,
     track_orientation,
+    true_positions,
     uncalibrated_model,
     warm_up_stage,
     warm_up_stages,
@@ -208,3 +209,19 @@ def _orientation_text(orientation: Orientation) -> str:
         f"Which end of the object is the model's first one is known now, with a probability of "
         f"{orientation.probability:.2f}: plans heed all effects along it."
     )
+
+
+async def is_reached(
+    planner: Computer, config: EpisodeConfig, observed: Particles, model: Model, tool: ToolPose
+) -> bool:
+    """True if the task is done, as far as the model knows where the object truly is that cameras see.
+
+    False where the planner's process cannot tell, which the next plan then reports.
+    """
+    if not model.apparatus:
+        return config.is_reached(observed, tool)
+    try:
+        x = await planner.run(true_positions, observed.positions, model, tool)
+    except WorkerError:
+        return False
+    return config.task.has_ended(x, config.goal.positions, tool)

@@ -11,7 +11,7 @@ from app.core.types import Points
 from app.session.loop import go_round
 from app.session.model_monitor import ExecutedPush
 from app.session.parts import Parts
-from app.session.planning import FAILURES_IN_A_ROW
+from app.session.planning import FAILURES_IN_A_ROW, is_reached
 from app.session.state import (
     HandRefusal,
     MotionEnd,
@@ -74,8 +74,12 @@ class SessionStages:
             return None
         if self._store.state.requested is not None:  # Whether the goal is reached does not matter to it.
             return observed
-        state, summary, active = self._store.state, parts.summary, parts.probing.active
-        summary.reached = state.config.is_reached(observed, parts.rig.arm.tool()) and not active
+        config, tool, model = self._store.state.config, parts.rig.arm.tool(), self._store.state.model_in_use
+        reached = await is_reached(parts.planner, config, observed, model, tool)
+        if self._store.state.interruptions != asked:
+            return None
+        summary, active = parts.summary, parts.probing.active
+        summary.reached = reached and not active
         seen = Observation(summary.reached, summary.pushes, active, parts.probing.conclusion())
         return observed if self._store.dispatch(seen).interruptions == asked else None
 

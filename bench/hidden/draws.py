@@ -176,5 +176,9 @@ def _hideable(making: Making) -> frozenset[str]:
         name
         for name, effect in injectable_effects().items()
         if making.body in effect.bodies
-        and (making.images or effect.in_world or effect.drive is not None or effect.late_s is not None)
+        and (
+            making.images
+            or effect.in_world
+            or any(hook is not None for hook in (effect.drive, effect.late_s, effect.more))
+        )
     )

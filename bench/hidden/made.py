@@ -1,8 +1,9 @@
-"""Recordings of a drawn rope, drawn beans, water or soup, without images.
+"""Recordings of a drawn rope, drawn beans, a cloth, water or soup, without images.
 
 `python -m bench.hidden.made ORDER.json -o FOLDER`, a process of its own. ORDER.json is {task, world, seed, hidden:
-[[effect, size], ...], episodes, pushes}; sizes are in typical ones. Makes FOLDER/recordings/*.mcap and
-FOLDER/truth.json, which has the sizes of the object, too.
+[[effect, size], ...], episodes, pushes}; sizes are in typical ones. With {own: true} beans are the task's, and noise
+is that of the cell's cameras. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of the object,
+too.
 """
 
 import argparse
@@ -11,16 +12,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from app.policy.random_carries import carry_design
 from app.policy.random_pours import pour_design
 from app.policy.random_pushes import PushDesign
 from app.policy.random_sweeps import sweep_design
 from app.rig.simulated.effect_sampling import describe
 from bench.hidden.beans import BeanCase
+from bench.hidden.cloths import ClothCase
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
 from bench.hidden.pours import POURED, PourCase
 from bench.hidden.recorded import write
-from bench.hidden.ropes import RopeCase
+from bench.hidden.ropes import USUAL_NOISE_M, RopeCase
 from bench.hidden.sizes import FLAT, drawn_cameras
 
 
@@ -36,11 +39,15 @@ def make(order: Mapping[str, Any], folder: Path) -> None:
     """The recordings of an order, and the truth beside their folder."""
     hidden = tuple(Chosen(effect=name, size=size) for name, size in order["hidden"])
     plan = PushDesign(episodes=order["episodes"], pushes=order["pushes"])
-    seed, (_, noise_m) = order["seed"], drawn_cameras(order["seed"])
+    seed, own_object = order["seed"], bool(order.get("own", False))
+    noise_m = USUAL_NOISE_M if own_object else drawn_cameras(seed)[1]
     if order["task"] == "bean_sweep":
         sweeps = sweep_design(plan.episodes, plan.pushes)
-        beans = BeanCase(seed=seed, hidden=hidden, plan=sweeps, noise_m=noise_m, other_beans=True)
+        beans = BeanCase(seed=seed, hidden=hidden, plan=sweeps, noise_m=noise_m, other_beans=not own_object)
         task, effects, study = beans.task, describe(beans.injected), beans.record()
+    elif order["task"] == "cloth_hang":
+        cloth = ClothCase(seed=seed, hidden=hidden, plan=carry_design(plan.episodes, plan.pushes))
+        task, effects, study = cloth.task, describe(cloth.injected), cloth.record()
     elif order["task"] in POURED:
         pours = pour_design(plan.episodes, plan.pushes)
         poured = PourCase(seed=seed, of=order["task"], hidden=hidden, plan=pours, noise_m=noise_m)

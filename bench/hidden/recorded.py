@@ -20,6 +20,8 @@ from app.recording.write.file import EpisodeFile
 _START_S = 1000.0
 _NOBODY = MessageId("rehearsed")
 _NOTHING = np.zeros((0, 3), np.float32)
+_POSE = 7
+"""Numbers of a pose, after which a track may have the opening."""
 
 
 def write(study: Study, folder: Path) -> list[Path]:
@@ -68,8 +70,9 @@ def _pushed(push: Push, number: int, table: Cloud) -> Iterator[Message]:
         outcome="completed",
         reason="",
         times_s=_START_S + push.command.times_s,
-        commanded=push.command.poses,
-        measured=push.measured.poses if push.measured is not None else np.zeros((0, 7)),
+        commanded=push.command.poses[:, :_POSE],
+        measured=push.measured.poses[:, :_POSE] if push.measured is not None else np.zeros((0, _POSE)),
+        openings=push.measured.poses[:, _POSE:].ravel() if push.measured is not None else np.zeros(0),
     )
     for place, (view, particles) in enumerate(zip(views, seen, strict=True)):
         if place == len(views) - 1:

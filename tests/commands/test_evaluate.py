@@ -13,9 +13,11 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import UsageError
+from app.core.geometry.scene_description import Rope
 from app.evaluation import results_log
 from app.jobs.worker_api import nominal_model
 from app.recording.exchange.model_file import save_model
+from app.rig.simulated.effect_sampling import InjectionRequest, describe, draw
 from tests.models import model_with
 
 POLICY = ["--task", "rope_push", "--planner", "dipac", "--ablation", "no_planning", "--preset", "cpu"]
@@ -151,3 +153,34 @@ def test_an_impossible_order_is_refused_before_anything_is_played(
     assert main(["evaluate", *wrong, "--preset", "cpu", "-o", str(tmp_path / "new")]) == UsageError.exit_code
     assert wrong[-1] in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def sealed(folder: Path, effect: str) -> Path:
+    path = folder / "truth.json"
+    hidden = draw([InjectionRequest(effect, None)], 5, Rope)
+    path.write_text(json.dumps({"task": "rope_push", "seed": 5, "effects": describe(hidden)}))
+    return path
+
+
+@pytest.mark.serial
+def test_a_world_that_hides_something_is_played_in_and_mixed_with_no_other(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    played = [*POLICY, "--eyes", "truth", "--actions", "1", "--seeds", "1", "-o", str(folder)]
+    truth = sealed(tmp_path_factory.mktemp("sealed"), "under_reach")
+    assert main(["evaluate", *played, "--hidden", str(truth)]) == 0
+    (row,) = rows(folder)
+    assert row["failure"] == ""
+    assert row["hidden"].startswith("under_reach ")
+    assert str(truth) not in json.dumps(row)  # Its content counts, wherever it lies.
+    assert main(["evaluate", *played]) == UsageError.exit_code
+    assert "holds episodes with hidden under_reach" in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_errors_of_cameras_are_played_with_cameras(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = sealed(tmp_path_factory.mktemp("sealed"), "hand_eye_translation")
+    assert main(["evaluate", *SHORT, "-o", str(folder), "--hidden", str(truth)]) == UsageError.exit_code
+    assert "hides hand_eye_translation, which images alone have" in capsys.readouterr().err.replace("\n", " ")
+    assert not (folder / "episodes.jsonl").exists()

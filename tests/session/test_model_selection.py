@@ -8,11 +8,14 @@ import pytest
 from app.core.announcer import MessageBus
 from app.core.dialogue.requests import ModelRequest
 from app.core.dialogue.summary import Summary
-from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.core.messages import Extension, Model, Parameter, Particles, fresh_id
 from app.jobs.jit_cache import nominal_model
+from app.policy.base import PARKED_POSE
 from app.session.model_updates import Modelling
+from app.session.planning import is_reached
 from app.session.state import ChosenModel
-from tests.session.cell import MemoryLog, Watcher
+from app.tasks.elements.success import Beyond
+from tests.session.cell import MemoryLog, Watcher, small_wish
 from tests.session.virtual import InsideWorker, VirtualClock
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
@@ -84,3 +87,16 @@ async def test_where_cameras_err_the_goal_is_as_they_will_show_it() -> None:
     assert chosen is not None, notices
     assert chosen.shown_goal is not None
     assert 0 < np.abs(chosen.shown_goal - GOAL).max() < 0.01
+
+
+@pytest.mark.parametrize(("shown_m", "reached"), [(0.0, True), (0.02, False)])
+async def test_the_goal_is_reached_where_the_object_truly_is_there(shown_m: float, reached: bool) -> None:
+    """Of cameras that show it 2 cm farther on than it is the model knows that it is not there yet."""
+    errs = Parameter(name="hand_eye_x", value=shown_m, unit="m", low=shown_m, high=shown_m)
+    model = replace(NOMINAL, apparatus=(errs,) if shown_m else (), extension=Extension(camera_m=(0.5, 0.0, 0.6)))
+    config = small_wish()
+    config = replace(config, task=replace(config.task, stop_when=Beyond(x_m=0.5, enough=0.5)))
+    seen = np.random.default_rng(0).uniform(0.505, 0.515, (60, 3)).astype(np.float32)
+    observed = Particles(id=fresh_id("particles"), time_s=1.0, positions=seen, surface=seen[:0], reconstruction_s=0.0)
+    async with InsideWorker("planner") as planner:
+        assert await is_reached(planner, config, observed, model, PARKED_POSE) is reached

@@ -7,12 +7,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.config import Site
-from app.core.messages import Executed, Extension, Model, Parameter, Transition, fresh_id
+from app.core.geometry.bowls import cap_depth_m, centre_of_bowl
+from app.core.messages import Branch, Executed, Extension, Model, Parameter, Transition, fresh_id
 from app.core.motion import TOOL_DOWN, Motion
-from app.core.types import Points
+from app.core.types import Points, ToolPose
 from app.discovery.sensor_actuator_errors.base import Load
 from app.jobs.apparatus_compensation import Correction, correction
 from app.jobs.worker_api import nominal_model
+from app.perception.body.resample import resample
+from app.perception.body.vessels import Pool, Vessel
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
 from app.policy.base import PARKED_POSE
 from app.tasks import load
 from tests.discovery.pours import BOWLS, COUNT, water
@@ -165,3 +170,119 @@ def test_water_in_the_hand_is_where_the_arm_truly_has_it() -> None:
     assert BOWLS.share(true.after) == pytest.approx(0.3, abs=1e-6)
     np.testing.assert_array_equal(true.after[:poured], seen.after[:poured])
     np.testing.assert_allclose(true.after[poured:], seen.after[poured:] + carried, atol=1e-6)
+
+
+HELD = np.array([0.42, 0.05, 0.144])
+"""Place of the bowl in the hand [m]."""
+FULLER = replace(model(fill_level=0.2), task="pour_water")
+
+
+def hand(place: np.ndarray = HELD) -> ToolPose:
+    return np.array([*place, *TOOL_DOWN, 0.0])
+
+
+def height_m(points: Points) -> float:
+    return float(np.quantile(points[:, 2], 0.99))
+
+
+@pytest.mark.parametrize(
+    ("more", "share"), [(0.2, 0.0), (0.2, 0.5), (-0.2, 0.3), (-0.2, 0.8), (-0.2, 0.79), (0.01, 0.003)]
+)
+def test_every_particle_of_a_liquid_is_an_equal_share_of_all_that_there_is(more: float, share: float) -> None:
+    error, seen = correction(replace(model(fill_level=more), task="pour_water")), water(share, HELD)
+    before = seen.copy()
+    true = error.unproject(seen, hand())
+    np.testing.assert_array_equal(seen, before)
+    assert len(true) == COUNT
+    assert BOWLS.share(true) == pytest.approx(share / (1 + more), abs=1 / COUNT)
+    held = true[~BOWLS.inside(true)]
+    assert BOWLS.holds(held, HELD).all()
+    depth_m = cap_depth_m((1 + more - share) * BOWLS.volume_m3, BOWLS.held_radius_m)
+    if len(held):
+        assert height_m(held) == pytest.approx(HELD[2] - BOWLS.held_radius_m + depth_m, abs=0.004)
+        assert BOWLS.share(error.observe(true)) == pytest.approx(share, abs=2 / COUNT)
+
+
+@pytest.mark.parametrize("poured", [1.0, 1.1, 1.25])
+def test_what_stands_higher_than_a_reconstruction_has_particles_for_is_seen_by_its_level(poured: float) -> None:
+    """A pour of a fuller bowl is done when all of it is poured, of which the reconstruction knows a part."""
+    error = correction(replace(model(fill_level=0.25), task="pour_water"))
+    level_m = BOWLS.place_m[2] - BOWLS.radius_m + cap_depth_m(poured * BOWLS.volume_m3, BOWLS.radius_m)
+    pool = Pool(vessel=Vessel(radius_m=BOWLS.radius_m, place_m=BOWLS.place_m), level_m=level_m)
+    seen = resample(pool.points(0.002), COUNT, seed=0)
+    assert BOWLS.share(error.unproject(seen, hand())) == pytest.approx(poured / 1.25, abs=0.03)
+
+
+def test_a_soups_pieces_stay_in_their_bowl_and_rise_with_the_level() -> None:
+    error, task = correction(replace(FULLER, task="pour_soup")), load("pour_soup")
+    seen = task.particles(task.start(0), COUNT)
+    place = centre_of_bowl(task.start(0), BOWLS.held_radius_m, BOWLS.volume_m3)
+    true, drops = error.unproject(seen, hand(place)), task.scene.split(COUNT)[0]
+    assert BOWLS.holds(true, place).all()
+    assert (true[drops:, 2] - seen[drops:, 2]).mean() > 0.002
+    assert height_m(true[:drops]) > height_m(seen[:drops]) + 0.002
+
+
+def test_where_no_tool_is_told_nothing_is_known_of_a_held_bowl() -> None:
+    np.testing.assert_array_equal(correction(FULLER).unproject(water(0.4, HELD)), water(0.4, HELD))
+
+
+def test_a_transition_of_a_fuller_bowl_is_of_all_that_there_is() -> None:
+    push = transition(measured=True)
+    poses = push.executed.measured + np.array([-0.1, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0])
+    executed = replace(push.executed, commanded=poses, measured=poses)
+    seen = replace(push, before=water(0.0, poses[0, :3]), executed=executed, after=water(0.6, poses[-1, :3]))
+    true = correction(FULLER).transition(seen)
+    assert BOWLS.holds(true.before, poses[0, :3]).all()
+    assert height_m(true.before) > height_m(seen.before) + 0.002
+    assert BOWLS.share(true.after) == pytest.approx(0.5, abs=1 / COUNT)
+
+
+def test_a_motion_that_goes_on_begins_where_the_arm_says_that_the_tool_is() -> None:
+    """The plan is for the bowl and its content where they truly are."""
+    error, told = correction(replace(model(tcp_x=0.012, tcp_z=-0.003), task="pour_water")), hand()
+    asked = list[PlanRequest]()
+
+    def planner(request: PlanRequest) -> Plan:
+        asked.append(request)
+        assert request.tool is not None
+        assert request.command is not None
+        way = Motion(
+            positions=request.tool[:3] + np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]]),
+            speeds=np.full(2, 0.1),
+            continues=True,
+        )
+        motion = request.command(way, request.observed, request.observed)
+        return Plan(
+            branches=(idle_branch(request.observed),),
+            best=0,
+            motion=motion,
+            predicted=request.observed,
+            centreline=np.zeros((2, 0), np.float32),
+            chamfer_m2=0.0,
+            predicted_chamfer_m2=0.0,
+        )
+
+    seen = water(0.0, HELD)
+    found = error.plan(planner, PlanRequest(observed=seen, goal=seen, phi=np.zeros(1, np.float32), tool=told))
+    (request,) = asked
+    assert request.tool is not None
+    np.testing.assert_allclose(request.tool[:3] - told[:3], [0.012, 0.0, 0.003], atol=1e-6)
+    np.testing.assert_array_equal(request.tool[3:], told[3:])
+    np.testing.assert_array_equal(request.told_tool, told)
+    np.testing.assert_allclose(request.observed - seen, np.tile([0.012, 0.0, 0.003], (COUNT, 1)), atol=1e-6)
+    np.testing.assert_allclose(found.motion.positions[0], told[:3], atol=1e-6)
+
+
+def idle_branch(x: Points) -> Branch:
+    return Branch(
+        origin="random",
+        actions=np.zeros((1, 6), np.float32),
+        tool_path=np.zeros((2, 3), np.float32),
+        predicted=x,
+        final=x,
+        cost_before=0.0,
+        cost_after=0.0,
+        terms={},
+        finite=True,
+    )

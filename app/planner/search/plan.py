@@ -114,6 +114,7 @@ def choose(
     """
     site, tool, command = request.site, request.tool, request.command
     pose = PARKED_POSE if tool is None else tool
+    told = tool if request.told_tool is None else request.told_tool
     ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
 
@@ -122,7 +123,7 @@ def choose(
         return motion if command is None else command(motion, request.observed, branches[index].predicted)
 
     order = _by_cost(found, branches, request.rejected)
-    possible = ((index, motion) for index in order if _may_be_made(motion := commanded(index), tool, site))
+    possible = ((index, motion) for index in order if _may_be_made(motion := commanded(index), told, site))
     chosen = next(possible, None)
     if chosen is None:
         raise PlanningError(

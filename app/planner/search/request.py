@@ -30,7 +30,8 @@ _SEEN_M2 = 2 * 0.005**2
 class PlanRequest:
     """One decision to be made: bring the object `observed` (N, 3) [m] to `goal` (M, 3) [m], under the model `phi`.
 
-    `tool`: its pose; None where actions begin anywhere. Without a `command` the arm is commanded the motion itself.
+    `tool`: its pose; None where actions begin anywhere; `told_tool`: that pose by the arm's own account, where the arm
+    errs. Without a `command` the arm is commanded the motion itself.
     `rejected`: first actions, by their tool paths, that are not proposed again while there is another. `near`: the
     nodes of a rope as the plan before predicted them [m]. `remainder`: the actions with which that plan was to go on
     (`remainder_of`), from which this one starts too. The same `seed` decides the same on a CPU.
@@ -42,6 +43,7 @@ class PlanRequest:
     seed: int = 0
     site: Site = field(default_factory=Site)
     tool: ToolPose | None = None
+    told_tool: ToolPose | None = None
     command: Command | None = None
     rejected: Ways = ()
     near: Centreline | None = None

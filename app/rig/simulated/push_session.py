@@ -16,6 +16,7 @@ from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import OPENING, ToolPose
 from app.policy.random_pushes import PushDesign
+from app.rig.simulated.erring_arm import ErringArm
 from app.rig.simulated.injected_effects.base import InjectedEffect
 from app.rig.simulated.testbeds import find_testbed
 from app.rig.simulated.worlds.cloth_world import ClothWorld
@@ -81,7 +82,7 @@ class PushSession:
         """Index of the next push, or of the one that was looked at for, from 0."""
         self._physics, self._hidden, self._seed = physics, hidden, seed
         self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
-        self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
+        self._arm, self._intrusion = ErringArm(hidden), Intrusion(hidden)
         self._world: World | None = None
         self._before: StampedSnapshot | None = None
         self._last: ToolPose | None = None
@@ -182,24 +183,6 @@ def first_start(task: Task, plan: PushDesign, seed: int) -> Nodes:
     return task.start(starts[0])
 
 
-@final
-class _Arm:
-    """The arm with its injected effects."""
-
-    def __init__(self, hidden: Sequence[InjectedEffect]) -> None:
-        self._driving = [each for each in hidden if each.effect.drive is not None]
-        late = [each.effect.late_s(each.values) for each in hidden if each.effect.late_s is not None]
-        self.late_s = sum(late, 0.0)
-
-    def goes(self, command: Track, *, told_only: bool) -> Track:
-        """Actual track of the tip for a command, or the part of it that encoders measure."""
-        track = command
-        for each in self._driving:
-            if each.effect.drive is not None and (each.effect.told or not told_only):
-                track = each.effect.drive(track, each.values)
-        return track
-
-
 def _withdraw(world: World) -> None:
     """Withdraw the tool, and let the object come to rest."""
     world.place(pointing_down(np.array(HOME_TOOL_M)))
@@ -211,7 +194,7 @@ def _rest(world: World, told: ToolPose | None) -> StampedSnapshot:
     return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot(), told=told)
 
 
-def _measure(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
+def _measure(arm: ErringArm, command: Track, rng: np.random.Generator) -> Track:
     """Encoder track, at the times of the command."""
     told = arm.goes(command, told_only=True)
     at = told.at(command.times_s)

@@ -3,7 +3,9 @@
 from app.core.geometry.scene_description import Beans, Stage
 from app.core.geometry.shapes.tools import Paddle
 from app.rig.simulated.worlds.beans_world import BeansWorld
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.shapes import Surface, tube
 from app.rig.simulated.worlds.world import Nodes
 
@@ -19,8 +21,16 @@ def _node_count(stage: Stage) -> int:
     return 2 * beans_and_paddle(stage)[0].count
 
 
-def _build(stage: Stage, start: Nodes, time_s: float) -> BeansWorld:
-    return BeansWorld(*beans_and_paddle(stage), start, time_s=time_s)
+def _build(
+    stage: Stage,
+    start: Nodes,
+    time_s: float,
+    /,
+    *,
+    physics: WorldPhysics | None = None,
+    intrusion: Intrusion | None = None,
+) -> BeansWorld:
+    return BeansWorld(*beans_and_paddle(stage), start, physics=physics, intrusion=intrusion, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:

@@ -3,7 +3,9 @@
 from app.core.geometry.scene_description import Cloth, Stage
 from app.core.geometry.shapes.tools import Gripper
 from app.rig.simulated.worlds.cloth_world import ClothWorld
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.shapes import Surface, sheet
 from app.rig.simulated.worlds.world import Nodes
 
@@ -19,9 +21,20 @@ def _node_count(stage: Stage) -> int:
     return _cloth(stage).nodes_a_side ** 2
 
 
-def _build(stage: Stage, start: Nodes, time_s: float) -> ClothWorld:
+def _build(
+    stage: Stage,
+    start: Nodes,
+    time_s: float,
+    /,
+    *,
+    physics: WorldPhysics | None = None,
+    intrusion: Intrusion | None = None,
+) -> ClothWorld:
     """The world of a cloth. Raises TypeError where the tool cannot hold one."""
-    return ClothWorld(*cloth_and_gripper(stage), start, fixtures=stage.fixtures, time_s=time_s)
+    cloth, gripper = cloth_and_gripper(stage)
+    return ClothWorld(
+        cloth, gripper, start, fixtures=stage.fixtures, physics=physics, intrusion=intrusion, time_s=time_s
+    )
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:

@@ -1,16 +1,19 @@
 """A liquid that is poured from a held bowl into a fixed one."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from app.core.geometry.bowls import centre_of_bowl
+from app.core.geometry.bowls import centre_of_bowl, refill
 from app.core.geometry.scene_description import Liquid, Soup, Stage
 from app.core.geometry.shapes.fixtures import Bowl
 from app.core.geometry.shapes.tools import HeldBowl
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.physics import LIQUID_WORLD, WorldPhysics
 from app.rig.simulated.worlds.shapes import Surface, drops
 from app.rig.simulated.worlds.world import Nodes, World
 
@@ -40,11 +43,34 @@ def _node_count(stage: Stage) -> int:
     return _liquid(stage).drops
 
 
-def build(stage: Stage, start: Nodes, time_s: float) -> World:
-    """A world of liquids."""
+def build(
+    stage: Stage,
+    start: Nodes,
+    time_s: float,
+    /,
+    *,
+    physics: WorldPhysics | None = None,
+    intrusion: Intrusion | None = None,
+) -> World:
+    """A world of liquids, with more or less in the held bowl at first where that is hidden."""
     from app.rig.simulated.worlds.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
 
-    return LiquidWorld(stage, start, time_s=time_s)
+    if intrusion is not None:
+        stage, start = filled(stage, start, intrusion.more)
+    return LiquidWorld(stage, start, physics=physics or LIQUID_WORLD, intrusion=intrusion, time_s=time_s)
+
+
+def filled(stage: Stage, start: Nodes, more: float) -> tuple[Stage, Nodes]:
+    """The stage, and its liquid at rest in the held bowl, where there is more of it by a share of all."""
+    if more == 0.0:
+        return stage, start
+    liquid, held, _ = liquid_in_bowls(stage)
+    centre, more_of_it = (
+        centre_of_bowl(start, held.radius_m, liquid.volume_m3),
+        liquid.with_more(more * liquid.volume_m3),
+    )
+    nodes = refill(start, centre, held.radius_m, liquid.volume_m3, more_of_it.volume_m3)
+    return replace(stage, body=more_of_it), nodes
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:

@@ -3,6 +3,7 @@
 from app.core.geometry.scene_description import Rope, Stage
 from app.core.geometry.shapes.fixtures import Obstacle
 from app.core.geometry.shapes.tools import Finger
+from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.kind import Kind
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
@@ -25,9 +26,19 @@ def _node_count(stage: Stage) -> int:
     return _physics(stage).segments + 1
 
 
-def _build(stage: Stage, start: Nodes, time_s: float) -> RopeWorld:
+def _build(
+    stage: Stage,
+    start: Nodes,
+    time_s: float,
+    /,
+    *,
+    physics: WorldPhysics | None = None,
+    intrusion: Intrusion | None = None,
+) -> RopeWorld:
     blocks = [each for each in stage.fixtures if isinstance(each, Obstacle)]
-    return RopeWorld(*_of(stage), start, physics=_physics(stage), fixtures=blocks, time_s=time_s)
+    rope, finger = _of(stage)
+    own = physics or _physics(stage)
+    return RopeWorld(rope, finger, start, physics=own, fixtures=blocks, intrusion=intrusion, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:

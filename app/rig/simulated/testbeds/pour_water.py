@@ -1,18 +1,17 @@
 """A liquid, with pieces or without, that is poured at random from the held bowl into the fixed one, some at a time."""
 
-from dataclasses import replace
 from typing import Any, final
 
 import numpy as np
 
-from app.core.geometry.bowls import centre_of_bowl, refill
+from app.core.geometry.bowls import centre_of_bowl
 from app.core.geometry.scene_description import Liquid, Soup
 from app.core.geometry.track import Track
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.policy.random_pours import WATER_FURTHER_RAD, beside, pour_design, random_pour
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.kinds.liquid import liquid_in_bowls
+from app.rig.simulated.kinds.liquid import filled, liquid_in_bowls
 from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.liquid_world import LiquidWorld
@@ -60,11 +59,7 @@ class BowlPours(Testbed):
         bowls = liquid_in_bowls(task.stage)
         home = centre_of_bowl(start, bowls.held.radius_m, bowls.liquid.volume_m3)
         begin = _begin(task, home)
-        stage, moved = task.stage, start + (begin[:3] - home)
-        if intrusion.more:
-            filled = bowls.liquid.with_more(intrusion.more * bowls.liquid.volume_m3)
-            sizes = bowls.held.radius_m, bowls.liquid.volume_m3, filled.volume_m3
-            stage, moved = replace(stage, body=filled), refill(moved, begin[:3], *sizes)
+        stage, moved = filled(task.stage, start + (begin[:3] - home), intrusion.more)
         return LiquidWorld(stage, moved, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(

@@ -2,19 +2,37 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import Protocol, final
 
 import numpy as np
 
 from app.core.geometry.scene_description import Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.effect_injector import Intrusion
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.worlds.shapes import Surface
 from app.rig.simulated.worlds.world import Nodes, World
 
-Build: TypeAlias = Callable[[Stage, Nodes, float], World]
-"""Constructor of a world with the object at its start and the tool at home, from a start time [s]."""
+
+class Build(Protocol):
+    """Constructor of a world."""
+
+    def __call__(
+        self,
+        stage: Stage,
+        start: Nodes,
+        time_s: float,
+        /,
+        *,
+        physics: WorldPhysics | None = None,
+        intrusion: Intrusion | None = None,
+    ) -> World:
+        """The world with the object at its start and the tool at home, from a start time [s].
+
+        `physics`: the kind's own where none is given; `intrusion`: effects that are hidden in it.
+        """
+        ...
 
 
 def _away(stage: Stage, start: Nodes) -> ToolPose:
