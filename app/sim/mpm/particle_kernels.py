@@ -82,7 +82,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
     p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
-    grain_total, node_total, pose_total = (_sum_over_warp(kind) for kind in (PhiGrain, PhiNode, Pose))
+    grain_total, node_total, pose_total = (sum_over_warp(kind) for kind in (PhiGrain, PhiNode, Pose))
     holds = any(part.thin or part.grasps for part in code.parts)
     kernel = wp.kernel(module=module, enable_backward=False)
 
@@ -236,7 +236,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
     )
 
 
-def _sum_over_warp(kind: Any) -> Any:
+def sum_over_warp(kind: Any) -> Any:
     """A function that gives the first thread of a GPU's warp the sum over its threads, and the others zero.
 
     On the CPU threads run one after the other, and each keeps its own.

@@ -71,15 +71,25 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        arrived: wp.array(dtype=wp.int32),
     ):
-        for scratch in (mass, touch, aim, listed, felt, count):
+        for scratch in (mass, touch, aim, listed, felt, count, arrived):
             scratch.zero_()
         inputs = _struct(
             types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=0
         )
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
         grid = _struct(
-            Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
+            Grid,
+            mass=mass,
+            touch=touch,
+            aim=aim,
+            velocity=mass,
+            listed=listed,
+            felt=felt,
+            active=active,
+            count=count,
+            arrived=arrived,
         )
         schedule.forward(Work(constants(start.device.alias), inputs, history, grid), start)
 
@@ -107,9 +117,11 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        arrived: wp.array(dtype=wp.int32),
     ):
         wp.copy(state_bar, end_bar)
-        for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, velocity, grid_bar, listed, felt, count):
+        sums = grain_bar, node_bar, tool_bar
+        for scratch in (*sums, mass, touch, aim, velocity, grid_bar, listed, felt, count, arrived):
             scratch.zero_()
         inputs = _struct(
             types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=every
@@ -124,14 +136,15 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             felt=felt,
             active=active,
             count=count,
+            arrived=arrived,
         )
         grid_bars = _struct(GridBars, node=grid_bar, touch=touch_bar, aim=aim_bar)
         work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
     made_for = kernels.pieces.code, scene, tuple(counts), schedule
-    forward_call = make_warp_call(forward, made_for, num_outputs=8)
-    backward_call = make_warp_call(backward, made_for, num_outputs=15)
+    forward_call = make_warp_call(forward, made_for, num_outputs=9)
+    backward_call = make_warp_call(backward, made_for, num_outputs=16)
 
     def grid_dims(candidates: int, *, backwards: bool) -> dict[str, tuple[int, ...]]:
         slots, lists = schedule.slots(candidates, backwards=backwards), schedule.lists(candidates)
@@ -142,6 +155,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             "listed": (lists, block_count),
             "active": (lists, block_count),
             "count": (lists,),
+            "arrived": (1 + lists,),
         }
 
     def plan(candidates: int, rows: int, *, backwards: bool) -> None:
@@ -174,7 +188,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         dims = grid_dims(candidates, backwards=True) | {
             "state_bar": (candidates, 1, QUADS, particle_count),
             "grain_bar": (candidates, schedule.grain_columns(particle_count)),
-            "node_bar": (candidates, schedule.node_columns()),
+            "node_bar": (candidates, schedule.node_columns(particle_count)),
             "tool_bar": tool.shape[:2],
         }
         given = inputs(phi, tool, setting, kernels.modules[-1])

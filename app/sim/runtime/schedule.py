@@ -13,6 +13,7 @@ from app.sim.codegen.tool_composition import parts
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.model.scene import Scene
+from app.sim.mpm.action_kernels import ActionKernels, action_kernels
 from app.sim.mpm.candidate_kernels import CandidateKernels, candidate_kernels
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.particle_kernels import (
@@ -27,6 +28,11 @@ from app.sim.runtime.threads import core_count, run_jobs
 
 LANES = 1024
 """Threads a candidate for the nodes on a GPU: a rope of 0.4 m has about 1300 nodes in its blocks."""
+
+
+import os
+LEAST_THREADS = int(os.environ.get("LT", "512"))
+"""Threads a candidate at least, for its nodes."""
 
 
 class Work(NamedTuple):
@@ -52,7 +58,7 @@ class Schedule(Protocol):
     """Launch strategy of the kernels."""
 
     @property
-    def kernels(self) -> CandidateKernels | ParticleKernels:
+    def kernels(self) -> CandidateKernels | ParticleKernels | ActionKernels:
         """Kernels to launch."""
         ...
 
@@ -73,7 +79,7 @@ class Schedule(Protocol):
         """The number of partial sums of a candidate's parameter cotangents over particles."""
         ...
 
-    def node_columns(self) -> int:
+    def node_columns(self, particles: int) -> int:
         """The number of partial sums over nodes."""
         ...
 
@@ -109,8 +115,9 @@ class ThreadedCandidates:
         del particles
         return 1
 
-    def node_columns(self) -> int:
+    def node_columns(self, particles: int) -> int:
         """One."""
+        del particles
         return 1
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
@@ -150,8 +157,9 @@ class LaunchedSubsteps:
         """One for each warp of threads: atomic sums on one address would queue."""
         return -(-particles // WARP_SIZE)
 
-    def node_columns(self) -> int:
+    def node_columns(self, particles: int) -> int:
         """Likewise."""
+        del particles
         return self.lanes // WARP_SIZE
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
@@ -186,6 +194,52 @@ class LaunchedSubsteps:
         wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class LaunchedActions:
+    """CUDA schedule: one launch an action, whose blocks wait for those of the same candidate twice a substep."""
+
+    kernels: ActionKernels
+    least_threads: int = LEAST_THREADS
+    sorts: bool = True
+
+    def lists(self, candidates: int) -> int:
+        """All."""
+        return candidates
+
+    def slots(self, candidates: int, *, backwards: bool) -> int:
+        """Several a candidate: substeps overlap."""
+        return candidates * (SLOTS_BACK if backwards else SLOTS)
+
+    def grain_columns(self, particles: int) -> int:
+        """One for each warp of threads: atomic sums on one address would queue."""
+        return self._blocks(particles) * BLOCK_DIM // WARP_SIZE
+
+    def node_columns(self, particles: int) -> int:
+        """Likewise."""
+        return self.grain_columns(particles)
+
+    def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
+        """One launch."""
+        k, inputs, history, grid = work
+        blocks = self._blocks(history.shape[3])
+        self._launch(self.kernels.forward, work, blocks, [k, blocks, inputs, start, history, grid])
+
+    def adjoint(self, work: Work, bars: Bars) -> None:
+        """One launch, of twice as many blocks: a half of them computes the grid again, one substep ahead."""
+        k, inputs, history, grid = work
+        blocks = 2 * self._blocks(history.shape[3])
+        sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
+        self._launch(self.kernels.adjoint, work, blocks, [k, blocks, inputs, history, *sums, grid, bars.grid])
+
+    def _blocks(self, particles: int) -> int:
+        return -(-max(particles, self.least_threads) // BLOCK_DIM)
+
+    def _launch(self, kernel: wp.Kernel, work: Work, blocks: int, arguments: list[Any]) -> None:
+        dim = (work.history.shape[0], blocks * BLOCK_DIM)
+        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
+
+
 def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:
     """Compile-time part of a scene."""
     primitives, _, coordinates = parts(scene.tools)
@@ -198,4 +252,6 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     code = code_of(scene, effects)
     if platform == "cpu":
         return ThreadedCandidates(kernels=candidate_kernels(code))
-    return LaunchedSubsteps(kernels=particle_kernels(code))
+    if os.environ.get("OLD"):
+        return LaunchedSubsteps(kernels=particle_kernels(code))
+    return LaunchedActions(kernels=action_kernels(code))
