@@ -1,10 +1,9 @@
-"""The Warp kernels for a GPU: a whole action in one launch, whose blocks of threads wait for each other.
+"""The Warp kernels for a GPU: whole actions in one launch, whose blocks of threads wait for each other.
 
-A substep is two passes, one over particles and one over nodes, and all threads of a candidate have to end one before
-any begins the next. A launch a pass (`particle_kernels`) costs a few microseconds each; here the blocks of a candidate
-count their arrivals in memory, and particles stay in registers meanwhile. Blocks take candidates in the order in which
-they begin, so whoever waits does so for blocks that have begun or will when a candidate before theirs is done: more
-candidates than fit on the GPU at once cannot wait for each other in a ring.
+A substep is two passes, one over particles and one over nodes, and every thread of a candidate ends one before any
+begins the next. A launch a pass (`particle_kernels`) costs microseconds, and particles go through memory; here the
+blocks of a candidate count their arrivals in memory, and particles stay in registers. Blocks that wait hold their
+place, so all have to be on the GPU at the same time: `RESIDENT` on each of its multiprocessors.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
@@ -13,7 +12,6 @@ candidates than fit on the GPU at once cannot wait for each other in a ring.
 # pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportConstantRedefinition=false
 
 import functools
-import os
 from dataclasses import dataclass
 from typing import final
 
@@ -24,7 +22,7 @@ from app.sim.codegen.kernel_codegen import Code
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.nodes import active_node, clear, clear_both
-from app.sim.mpm.particle_kernels import BLOCK_DIM, WARP_SIZE, back, forth, sum_over_warp
+from app.sim.mpm.particle_kernels import BLOCK_DIM, WARP_SIZE, add_to_tool_of, back, forth, sum_over_warp
 from app.sim.mpm.simd_layout import (
     affine,
     load_deformation,
@@ -37,13 +35,17 @@ from app.sim.mpm.simd_layout import (
 )
 from app.sim.mpm.substep import KernelFunctions, adjoint_module_of, make_pieces, module_of
 
+RESIDENT = 4
+"""Blocks that a multiprocessor holds at the same time: their kernels may take 128 of its registers a thread."""
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class ActionKernels:
-    """Whole actions of all candidates; launched over (B, `blocks` x BLOCK_DIM).
+    """Whole actions of B candidates, `blocks` of BLOCK_DIM threads each: launched over (B, blocks x BLOCK_DIM).
 
-    Forward and adjoint are modules of their own: whoever takes no gradient does not wait for the longer one.
+    The blocks of `adjoint` are an even number: what one half turns back the other has computed again before. Forward
+    and adjoint are modules of their own: whoever takes no gradient does not wait for the longer one.
     """
 
     modules: tuple[wp.Module, wp.Module]
@@ -54,37 +56,9 @@ class ActionKernels:
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-    __shared__ int number;
-    if (threadIdx.x == 0)
-        number = atomicAdd(arrived.data, 1);
-    __syncthreads();
-    return number;
-#else
-    return 0;
-#endif
-""")
-def block_number(arrived: wp.array[wp.int32]) -> int:
-    """Number of this block in the order in which blocks begin."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return threadIdx.x;
-#else
-    return 0;
-#endif
-""")
-def thread_of_block() -> int:
-    """Number of this thread in its block."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
     __syncthreads();
     if (threadIdx.x == 0) {
-        int* here = arrived.data + 1 + b;
+        int* here = arrived.data + b;
         int seen;
         asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(here) : "memory");
         do {
@@ -95,8 +69,7 @@ def thread_of_block() -> int:
 #endif
 """)
 def wait_for_all(arrived: wp.array[wp.int32], b: int, expected: int):
-    """Wait until blocks of candidate b have arrived `expected` times; what they wrote before is then seen."""
-    ...
+    """Wait until blocks of candidate b have arrived `expected` times: what they wrote before that is seen after it."""
 
 
 @functools.cache
@@ -110,17 +83,13 @@ def action_kernels(code: Code) -> ActionKernels:
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
     p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
-    grain_total, node_total, pose_total = (sum_over_warp(kind) for kind in (PhiGrain, PhiNode, Pose))
+    grain_total, node_total, add_to_tool = sum_over_warp(PhiGrain), sum_over_warp(PhiNode), add_to_tool_of(Pose)
     holds = any(part.thin or part.grasps for part in code.parts)
 
-    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=(BLOCK_DIM, int(os.environ.get('FB', '4'))))
-    def forward(
-        k: Constants, blocks: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid
-    ):
-        number = block_number(grid.arrived)
-        b = number // blocks
+    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
+    def forward(k: Constants, blocks: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
+        b, t = wp.tid()
         threads = blocks * BLOCK_DIM
-        t = (number % blocks) * BLOCK_DIM + thread_of_block()
         steps = a.tool.shape[1] - 1
         rows = h.shape[1]
         mine = t < h.shape[3]
@@ -155,17 +124,7 @@ def action_kernels(code: Code) -> ActionKernels:
             store_motion(h, b, steps % rows, t, x, v, C)
             store_deformation(h, b, steps % rows, t, F)
 
-    @wp.func
-    def add_to_tool(b: int, s: int, now_bar: Pose, then_bar: Pose, tool_bar: wp.array2d[Pose]):
-        now_all = pose_total(now_bar)
-        then_all = pose_total(then_bar)
-        if wp.dot(now_all, now_all) != 0.0:  # Few particles touch a tool; the others shall not queue for it.
-            wp.atomic_add(tool_bar, b, s, now_all)
-        if wp.dot(then_all, then_all) != 0.0:
-            wp.atomic_add(tool_bar, b, s + 1, then_all)
-
-    # Without a bound the compiler takes 255 registers, and a multiprocessor holds too few threads to hide its memory.
-    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=(BLOCK_DIM, int(os.environ.get('AB', '4'))))
+    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
     def adjoint(
         k: Constants,
         blocks: int,
@@ -178,12 +137,10 @@ def action_kernels(code: Code) -> ActionKernels:
         grid: Grid,
         grid_bars: GridBars,
     ):
-        number = block_number(grid.arrived)
-        b = number // blocks
+        b, thread = wp.tid()
         half = (blocks // 2) * BLOCK_DIM
-        own = (number % blocks) * BLOCK_DIM + thread_of_block()
-        t = own % half
-        turns = own < half  # The other half gives to the grid again what was given one substep earlier.
+        t = thread % half
+        turns = thread < half  # The other half gives to the grid again what was given one substep earlier.
         steps = a.tool.shape[1] - 1
         mine = t < h.shape[3]
         m = matter_of(k, t)

@@ -44,11 +44,11 @@ class Operations:
 def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
     """Operations for one scene and the numbers of particles of its bodies."""
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
-    kernels = schedule.kernels
-    types = kernels.pieces.types
+    pieces = schedule.pieces
+    types = pieces.types
     PhiGrain, PhiNode, Pose = types.PhiGrain, types.PhiNode, types.Pose
     _, primitives, coordinates = parts(scene.tools)
-    chosen = columns(NOMINAL_PHYSICS, kernels.pieces.code.effects)
+    chosen = columns(NOMINAL_PHYSICS, pieces.code.effects)
     particle_count = sum(counts)
     block_count = block_count_of(scene)
 
@@ -142,7 +142,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    made_for = kernels.pieces.code, scene, tuple(counts), schedule
+    made_for = pieces.code, scene, tuple(counts), schedule
     forward_call = make_warp_call(forward, made_for, num_outputs=9)
     backward_call = make_warp_call(backward, made_for, num_outputs=16)
 
@@ -155,18 +155,19 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             "listed": (lists, block_count),
             "active": (lists, block_count),
             "count": (lists,),
-            "arrived": (1 + lists,),
+            "arrived": (lists,),
         }
 
     def plan(candidates: int, rows: int, *, backwards: bool) -> None:
         needed = bytes_of(schedule, particles=particle_count, blocks=block_count, rows=rows, backwards=backwards)
         require(needed, candidates, jax.local_devices()[0])
 
-    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, module: wp.Module) -> tuple[jax.Array, ...]:
-        """Arrays that the kernels of `module` read.
+    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, *, backwards: bool) -> tuple[jax.Array, ...]:
+        """Arrays that the kernels read.
 
         Compiles while JAX traces: a compiler has no place in a computation that is recorded.
         """
+        module = schedule.module(phi.shape[0], particle_count, backwards=backwards)
         for device in jax.local_devices():
             on = wp.device_from_jax(device)
             wp.load_module(module, on)
@@ -178,20 +179,21 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         candidates = phi.shape[0]
         plan(candidates, rows, backwards=rows == tool.shape[1])  # A whole history is kept for an adjoint to come.
         dims = grid_dims(candidates, backwards=False) | {"history": (candidates, rows, QUADS, particle_count)}
-        return forward_call(*inputs(phi, tool, setting, kernels.modules[0]), pack(state)[:, None], output_dims=dims)[0]
+        return forward_call(*inputs(phi, tool, setting, backwards=False), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
         phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State, every: bool
     ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
         plan(candidates, tool.shape[1], backwards=True)
+        grain_columns, node_columns = schedule.columns(candidates, particle_count)
         dims = grid_dims(candidates, backwards=True) | {
             "state_bar": (candidates, 1, QUADS, particle_count),
-            "grain_bar": (candidates, schedule.grain_columns(particle_count)),
-            "node_bar": (candidates, schedule.node_columns(particle_count)),
+            "grain_bar": (candidates, grain_columns),
+            "node_bar": (candidates, node_columns),
             "tool_bar": tool.shape[:2],
         }
-        given = inputs(phi, tool, setting, kernels.modules[-1])
+        given = inputs(phi, tool, setting, backwards=True)
         state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
             *given, history, pack(end_bar)[:, None], numbers=(int(every),), output_dims=dims
         )

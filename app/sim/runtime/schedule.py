@@ -6,6 +6,7 @@
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, final
 
+import jax
 import warp as wp
 
 from app.sim.codegen.kernel_codegen import Code
@@ -13,7 +14,7 @@ from app.sim.codegen.tool_composition import parts
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.model.scene import Scene
-from app.sim.mpm.action_kernels import ActionKernels, action_kernels
+from app.sim.mpm.action_kernels import RESIDENT, ActionKernels, action_kernels
 from app.sim.mpm.candidate_kernels import CandidateKernels, candidate_kernels
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.particle_kernels import (
@@ -24,15 +25,11 @@ from app.sim.mpm.particle_kernels import (
     ParticleKernels,
     particle_kernels,
 )
+from app.sim.mpm.substep import KernelFunctions
 from app.sim.runtime.threads import core_count, run_jobs
 
 LANES = 1024
 """Threads a candidate for the nodes on a GPU: a rope of 0.4 m has about 1300 nodes in its blocks."""
-
-
-import os
-LEAST_THREADS = int(os.environ.get("LT", "512"))
-"""Threads a candidate at least, for its nodes."""
 
 
 class Work(NamedTuple):
@@ -58,13 +55,22 @@ class Schedule(Protocol):
     """Launch strategy of the kernels."""
 
     @property
-    def kernels(self) -> CandidateKernels | ParticleKernels | ActionKernels:
-        """Kernels to launch."""
+    def pieces(self) -> KernelFunctions:
+        """Code and types that its kernels share."""
+        ...
+
+    @property
+    def modules(self) -> tuple[wp.Module, ...]:
+        """All that may be launched."""
         ...
 
     @property
     def sorts(self) -> bool:
         """True if it is faster when particles that are neighbours in memory are so in space."""
+        ...
+
+    def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
+        """The one whose kernels actions of this size need, forward or turned back."""
         ...
 
     def lists(self, candidates: int) -> int:
@@ -75,12 +81,8 @@ class Schedule(Protocol):
         """Number of grids in use at the same time."""
         ...
 
-    def grain_columns(self, particles: int) -> int:
-        """The number of partial sums of a candidate's parameter cotangents over particles."""
-        ...
-
-    def node_columns(self, particles: int) -> int:
-        """The number of partial sums over nodes."""
+    def columns(self, candidates: int, particles: int) -> tuple[int, int]:
+        """Numbers of partial sums of a candidate's parameter cotangents, over particles and over nodes."""
         ...
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
@@ -101,6 +103,21 @@ class ThreadedCandidates:
     threads: int = field(default_factory=core_count)
     sorts: bool = False
 
+    @property
+    def pieces(self) -> KernelFunctions:
+        """Of whole actions of a candidate."""
+        return self.kernels.pieces
+
+    @property
+    def modules(self) -> tuple[wp.Module, ...]:
+        """Forward and adjoint."""
+        return self.kernels.modules
+
+    def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
+        """One for each direction, whatever the size."""
+        del candidates, particles
+        return self.kernels.modules[backwards]
+
     def lists(self, candidates: int) -> int:
         """Lists in use at once: one per thread."""
         return min(self.threads, candidates)
@@ -110,15 +127,10 @@ class ThreadedCandidates:
         del backwards
         return self.lists(candidates)
 
-    def grain_columns(self, particles: int) -> int:
-        """One: a thread adds up its candidate's."""
-        del particles
-        return 1
-
-    def node_columns(self, particles: int) -> int:
-        """One."""
-        del particles
-        return 1
+    def columns(self, candidates: int, particles: int) -> tuple[int, int]:
+        """One each: a thread adds up its candidate's."""
+        del candidates, particles
+        return 1, 1
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
         """One launch a candidate."""
@@ -138,12 +150,38 @@ class ThreadedCandidates:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class LaunchedSubsteps:
-    """CUDA schedule: two launches a substep, a thread a particle, `lanes` threads a candidate for its active nodes."""
+class Launched:
+    """CUDA schedule: one launch an action where all its threads are on the GPU at the same time, or two a substep.
 
-    kernels: ParticleKernels
+    A thread is a particle; `lanes` threads a candidate take its active nodes where a substep is two launches.
+    `multiprocessors`: those of the GPU; none, and no action is one launch.
+    """
+
+    substeps: ParticleKernels
+    actions: ActionKernels
+    multiprocessors: int
     lanes: int = LANES
     sorts: bool = True
+
+    @property
+    def pieces(self) -> KernelFunctions:
+        """Those of both kinds of kernels."""
+        return self.substeps.pieces
+
+    @property
+    def modules(self) -> tuple[wp.Module, ...]:
+        """All."""
+        return (*self.actions.modules, *self.substeps.modules)
+
+    def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
+        """That of whole actions, where they fit."""
+        if self.fits(candidates, particles, backwards=backwards):
+            return self.actions.modules[backwards]
+        return self.substeps.modules[0]
+
+    def fits(self, candidates: int, particles: int, *, backwards: bool) -> bool:
+        """True if all blocks of these candidates find a place on the GPU at the same time."""
+        return candidates * _blocks(particles, backwards=backwards) <= RESIDENT * self.multiprocessors
 
     def lists(self, candidates: int) -> int:
         """All."""
@@ -153,91 +191,66 @@ class LaunchedSubsteps:
         """Several a candidate: substeps overlap."""
         return candidates * (SLOTS_BACK if backwards else SLOTS)
 
-    def grain_columns(self, particles: int) -> int:
+    def columns(self, candidates: int, particles: int) -> tuple[int, int]:
         """One for each warp of threads: atomic sums on one address would queue."""
-        return -(-particles // WARP_SIZE)
-
-    def node_columns(self, particles: int) -> int:
-        """Likewise."""
-        del particles
-        return self.lanes // WARP_SIZE
+        if self.fits(candidates, particles, backwards=True):
+            warps = _blocks(particles, backwards=False) * BLOCK_DIM // WARP_SIZE
+            return warps, warps
+        return -(-particles // WARP_SIZE), self.lanes // WARP_SIZE
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
-        """Particles and nodes in turn."""
+        """One launch, or particles and nodes in turn."""
         k, inputs, history, grid = work
+        candidates, _, _, particles = history.shape
+        if self.fits(candidates, particles, backwards=False):
+            blocks = _blocks(particles, backwards=False)
+            arguments = [k, blocks, inputs, start, history, grid]
+            _launch(self.actions.forward, work, blocks * BLOCK_DIM, arguments)
+            return
         steps = inputs.tool.shape[1] - 1
         for s in range(steps):
-            self._over_particles(self.kernels.particles, work, [k, s, inputs, start, history, grid])
-            self._over_nodes(self.kernels.nodes, work, [k, s, self.lanes, inputs, grid], groups=2)
-        self._over_particles(self.kernels.particles, work, [k, steps, inputs, start, history, grid])
+            self._over_particles(self.substeps.particles, work, [k, s, inputs, start, history, grid])
+            self._over_nodes(self.substeps.nodes, work, [k, s, self.lanes, inputs, grid], groups=2)
+        self._over_particles(self.substeps.particles, work, [k, steps, inputs, start, history, grid])
 
     def adjoint(self, work: Work, bars: Bars) -> None:
         """The same backwards, the grid computed again one substep ahead by threads of their own."""
         k, inputs, history, grid = work
-        threads = WARP_SIZE * self.grain_columns(history.shape[3])
-        particles = [threads, inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
-        nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
+        candidates, _, _, particles = history.shape
+        if self.fits(candidates, particles, backwards=True):
+            blocks = _blocks(particles, backwards=True)
+            sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
+            arguments = [k, blocks, inputs, history, *sums, grid, bars.grid]
+            _launch(self.actions.adjoint, work, blocks * BLOCK_DIM, arguments)
+            return
+        of_particles = [_warps(particles), inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
+        of_nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
         for s in reversed(range(inputs.tool.shape[1])):
-            self._over_particles(self.kernels.particles_adjoint, work, [k, s, *particles], groups=2)
-            self._over_nodes(self.kernels.nodes_adjoint, work, [k, s, *nodes], groups=3)
-        self._over_particles(self.kernels.particles_adjoint, work, [k, -1, *particles])
+            self._over_particles(self.substeps.particles_adjoint, work, [k, s, *of_particles], groups=2)
+            self._over_nodes(self.substeps.nodes_adjoint, work, [k, s, *of_nodes], groups=3)
+        self._over_particles(self.substeps.particles_adjoint, work, [k, -1, *of_particles])
 
     def _over_particles(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int = 1) -> None:
-        threads = WARP_SIZE * self.grain_columns(work.history.shape[3])
-        self._launch(kernel, work, groups * threads, arguments)
+        _launch(kernel, work, groups * _warps(work.history.shape[3]), arguments)
 
     def _over_nodes(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int) -> None:
-        self._launch(kernel, work, groups * self.lanes, arguments)
-
-    def _launch(self, kernel: wp.Kernel, work: Work, threads: int, arguments: list[Any]) -> None:
-        dim = (work.history.shape[0], threads)
-        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
+        _launch(kernel, work, groups * self.lanes, arguments)
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class LaunchedActions:
-    """CUDA schedule: one launch an action, whose blocks wait for those of the same candidate twice a substep."""
+def _blocks(particles: int, *, backwards: bool) -> int:
+    """Blocks of a candidate in a launch of whole actions."""
+    return (2 if backwards else 1) * -(-particles // BLOCK_DIM)
 
-    kernels: ActionKernels
-    least_threads: int = LEAST_THREADS
-    sorts: bool = True
 
-    def lists(self, candidates: int) -> int:
-        """All."""
-        return candidates
+def _warps(particles: int) -> int:
+    """Threads of whole warps, at least one a particle."""
+    return -(-particles // WARP_SIZE) * WARP_SIZE
 
-    def slots(self, candidates: int, *, backwards: bool) -> int:
-        """Several a candidate: substeps overlap."""
-        return candidates * (SLOTS_BACK if backwards else SLOTS)
 
-    def grain_columns(self, particles: int) -> int:
-        """One for each warp of threads: atomic sums on one address would queue."""
-        return self._blocks(particles) * BLOCK_DIM // WARP_SIZE
-
-    def node_columns(self, particles: int) -> int:
-        """Likewise."""
-        return self.grain_columns(particles)
-
-    def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
-        """One launch."""
-        k, inputs, history, grid = work
-        blocks = self._blocks(history.shape[3])
-        self._launch(self.kernels.forward, work, blocks, [k, blocks, inputs, start, history, grid])
-
-    def adjoint(self, work: Work, bars: Bars) -> None:
-        """One launch, of twice as many blocks: a half of them computes the grid again, one substep ahead."""
-        k, inputs, history, grid = work
-        blocks = 2 * self._blocks(history.shape[3])
-        sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
-        self._launch(self.kernels.adjoint, work, blocks, [k, blocks, inputs, history, *sums, grid, bars.grid])
-
-    def _blocks(self, particles: int) -> int:
-        return -(-max(particles, self.least_threads) // BLOCK_DIM)
-
-    def _launch(self, kernel: wp.Kernel, work: Work, blocks: int, arguments: list[Any]) -> None:
-        dim = (work.history.shape[0], blocks * BLOCK_DIM)
-        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
+def _launch(kernel: wp.Kernel, work: Work, threads: int, arguments: list[Any]) -> None:
+    """Launch so many threads a candidate."""
+    dim = (work.history.shape[0], threads)
+    wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
 
 
 def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:
@@ -252,6 +265,5 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     code = code_of(scene, effects)
     if platform == "cpu":
         return ThreadedCandidates(kernels=candidate_kernels(code))
-    if os.environ.get("OLD"):
-        return LaunchedSubsteps(kernels=particle_kernels(code))
-    return LaunchedActions(kernels=action_kernels(code))
+    gpu = wp.device_from_jax(jax.local_devices()[0])
+    return Launched(substeps=particle_kernels(code), actions=action_kernels(code), multiprocessors=gpu.sm_count)
