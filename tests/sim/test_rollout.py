@@ -113,9 +113,10 @@ def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
 
 def test_actions_are_one_launch_where_all_their_threads_fit_on_the_gpu():
     gpu = on_a_gpu(multiprocessors=132)  # An H100: 528 blocks of 128 threads.
-    forth, back = ([gpu.fits(*size, backwards=way) for size in ((16, 2000), (150, 300), (256, 2000))] for way in (0, 1))
-    assert (forth, back) == ([True, True, False], [True, False, False])
-    assert not on_a_gpu(multiprocessors=0).fits(1, 1, backwards=False)
+    sizes = (16, 2000), (150, 300), (256, 2000)
+    assert [gpu.fits(*size) for size in sizes] == [True, True, False]
+    assert [gpu.fits(*size, groups=2) for size in sizes] == [True, False, False]
+    assert not on_a_gpu(multiprocessors=0).fits(1, 1)
 
 
 def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():

@@ -44,8 +44,9 @@ RESIDENT = 4
 class ActionKernels:
     """Whole actions of B candidates, `blocks` of BLOCK_DIM threads each: launched over (B, blocks x BLOCK_DIM).
 
-    The blocks of `adjoint` are an even number: what one half turns back the other has computed again before. Forward
-    and adjoint are modules of their own: whoever takes no gradient does not wait for the longer one.
+    With `blocks` as many as particles need, `adjoint` has the same threads turn a substep back and compute the grid of
+    the one before it again; with twice as many, these are threads of their own. Forward and adjoint are modules of
+    their own: whoever takes no gradient does not wait for the longer one.
     """
 
     modules: tuple[wp.Module, wp.Module]
@@ -138,24 +139,23 @@ def action_kernels(code: Code) -> ActionKernels:
         grid_bars: GridBars,
     ):
         b, thread = wp.tid()
-        half = (blocks // 2) * BLOCK_DIM
-        t = thread % half
-        turns = thread < half  # The other half gives to the grid again what was given one substep earlier.
+        own = -(-h.shape[3] // BLOCK_DIM) * BLOCK_DIM
+        turns = thread < own
+        t = thread - (blocks * BLOCK_DIM - own)  # Number among those who compute again: the last of all, or all.
         steps = a.tool.shape[1] - 1
-        mine = t < h.shape[3]
-        m = matter_of(k, t)
         x_bar = wp.vec3()
         v_bar = wp.vec3()
         C_bar = wp.mat33()
         F_bar = wp.mat33()
         grain_sum = PhiGrain()
         node_sum = PhiNode()
-        if mine and turns:
-            end = load_motion(bars, b, 0, t)
+        mine = thread < h.shape[3]
+        if mine:
+            end = load_motion(bars, b, 0, thread)
             x_bar = position(end)
             v_bar = velocity(end)
             C_bar = affine(end)
-            F_bar = load_deformation(bars, b, 0, t)
+            F_bar = load_deformation(bars, b, 0, thread)
         for later in range(steps + 2):
             s = steps - later
             if turns:
@@ -164,7 +164,7 @@ def action_kernels(code: Code) -> ActionKernels:
                     then_sum = Pose()
                     if mine:
                         x_bar, v_bar, C_bar, F_bar, phi_part, now_sum, then_sum = p2g_adjoint(
-                            k, a, m, back(b, s + 1, steps), t, h, x_bar, F_bar, grid_bars
+                            k, a, matter_of(k, thread), back(b, s + 1, steps), thread, h, x_bar, F_bar, grid_bars
                         )
                         grain_sum += phi_part
                     add_to_tool(b, s + 1, now_sum, then_sum, tool_bar)
@@ -176,7 +176,7 @@ def action_kernels(code: Code) -> ActionKernels:
                             k,
                             a,
                             back(b, s, steps),
-                            load_position(h, b, s, t),
+                            load_position(h, b, s, thread),
                             x_bar,
                             v_bar,
                             C_bar,
@@ -185,20 +185,19 @@ def action_kernels(code: Code) -> ActionKernels:
                         )
                     if wp.static(holds):
                         add_to_tool(b, s, now_part, then_part, tool_bar)
-            elif s > 0 and mine:
-                w = back(b, s - 1, steps)
+            if s > 0 and t >= 0 and t < h.shape[3]:
                 motion = load_motion(h, b, s - 1, t)
                 F = load_deformation(h, b, s - 1, t)
-                _F = p2g(k, a, m, w, t, position(motion), velocity(motion), affine(motion), F, grid)
+                w = back(b, s - 1, steps)
+                _F = p2g(k, a, matter_of(k, t), w, t, position(motion), velocity(motion), affine(motion), F, grid)
             wait_for_all(grid.arrived, b, (2 * later + 1) * blocks)
-            count = grid.count[b] * BLOCK_NODES
-            if turns:
-                if s >= 0 and s < steps:
-                    for n in range(t, count, half):
-                        node_sum += node_adjoint(k, a, back(b, s, steps), active_node(n, b, grid), grid, grid_bars)
-            elif s >= 0:
+            nodes = grid.count[b] * BLOCK_NODES
+            if turns and s >= 0 and s < steps:
+                for n in range(thread, nodes, own):
+                    node_sum += node_adjoint(k, a, back(b, s, steps), active_node(n, b, grid), grid, grid_bars)
+            if t >= 0 and s >= 0:
                 old = back(b, s + 1, steps)
-                for n in range(t, count, half):
+                for n in range(t, nodes, own):
                     i = active_node(n, b, grid)
                     if s > 0:
                         node(k, a, back(b, s - 1, steps), i, grid)
@@ -206,12 +205,12 @@ def action_kernels(code: Code) -> ActionKernels:
             wait_for_all(grid.arrived, b, (2 * later + 2) * blocks)
         if turns:
             if mine:
-                store_motion(bars, b, 0, t, x_bar, v_bar, C_bar)
-                store_deformation(bars, b, 0, t, F_bar)
+                store_motion(bars, b, 0, thread, x_bar, v_bar, C_bar)
+                store_deformation(bars, b, 0, thread, F_bar)
             grain_sum = grain_total(grain_sum)
             node_sum = node_total(node_sum)
-            if t % WARP_SIZE == 0:
-                grain_bar[b, t // WARP_SIZE] = grain_sum
-                node_bar[b, t // WARP_SIZE] = node_sum
+            if thread % WARP_SIZE == 0:
+                grain_bar[b, thread // WARP_SIZE] = grain_sum
+                node_bar[b, thread // WARP_SIZE] = node_sum
 
     return ActionKernels(modules=(forward_module, adjoint_module), pieces=pieces, forward=forward, adjoint=adjoint)

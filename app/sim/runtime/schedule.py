@@ -175,13 +175,11 @@ class Launched:
 
     def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
         """That of whole actions, where they fit."""
-        if self.fits(candidates, particles, backwards=backwards):
-            return self.actions.modules[backwards]
-        return self.substeps.modules[0]
+        return self.actions.modules[backwards] if self.fits(candidates, particles) else self.substeps.modules[0]
 
-    def fits(self, candidates: int, particles: int, *, backwards: bool) -> bool:
-        """True if all blocks of these candidates find a place on the GPU at the same time."""
-        return candidates * _blocks(particles, backwards=backwards) <= RESIDENT * self.multiprocessors
+    def fits(self, candidates: int, particles: int, *, groups: int = 1) -> bool:
+        """True if all blocks of these candidates, `groups` times a thread a particle, are on the GPU at once."""
+        return candidates * groups * _blocks(particles) <= RESIDENT * self.multiprocessors
 
     def lists(self, candidates: int) -> int:
         """All."""
@@ -193,8 +191,8 @@ class Launched:
 
     def columns(self, candidates: int, particles: int) -> tuple[int, int]:
         """One for each warp of threads: atomic sums on one address would queue."""
-        if self.fits(candidates, particles, backwards=True):
-            warps = _blocks(particles, backwards=False) * BLOCK_DIM // WARP_SIZE
+        if self.fits(candidates, particles):
+            warps = _blocks(particles) * BLOCK_DIM // WARP_SIZE
             return warps, warps
         return -(-particles // WARP_SIZE), self.lanes // WARP_SIZE
 
@@ -202,8 +200,8 @@ class Launched:
         """One launch, or particles and nodes in turn."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        if self.fits(candidates, particles, backwards=False):
-            blocks = _blocks(particles, backwards=False)
+        if self.fits(candidates, particles):
+            blocks = _blocks(particles)
             arguments = [k, blocks, inputs, start, history, grid]
             _launch(self.actions.forward, work, blocks * BLOCK_DIM, arguments)
             return
@@ -217,8 +215,8 @@ class Launched:
         """The same backwards, the grid computed again one substep ahead by threads of their own."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        if self.fits(candidates, particles, backwards=True):
-            blocks = _blocks(particles, backwards=True)
+        if self.fits(candidates, particles):
+            blocks = _blocks(particles) * (2 if self.fits(candidates, particles, groups=2) else 1)
             sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
             arguments = [k, blocks, inputs, history, *sums, grid, bars.grid]
             _launch(self.actions.adjoint, work, blocks * BLOCK_DIM, arguments)
@@ -237,9 +235,9 @@ class Launched:
         _launch(kernel, work, groups * self.lanes, arguments)
 
 
-def _blocks(particles: int, *, backwards: bool) -> int:
-    """Blocks of a candidate in a launch of whole actions."""
-    return (2 if backwards else 1) * -(-particles // BLOCK_DIM)
+def _blocks(particles: int) -> int:
+    """Blocks of a thread a particle."""
+    return -(-particles // BLOCK_DIM)
 
 
 def _warps(particles: int) -> int:
