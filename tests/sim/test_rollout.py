@@ -97,9 +97,8 @@ def test_the_number_of_threads_changes_nothing():
 
 def on_a_gpu(multiprocessors: int) -> Launched:
     code = code_of(SCENE, EFFECTS)
-    return Launched(
-        substeps=particle_kernels(code), actions=action_kernels(code), multiprocessors=multiprocessors, lanes=32
-    )
+    kinds = tuple(action_kernels(code, by_planes=by_planes) for by_planes in (True, False))
+    return Launched(substeps=particle_kernels(code), actions=kinds, multiprocessors=multiprocessors, lanes=32)
 
 
 def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
@@ -112,11 +111,10 @@ def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
 
 
 def test_actions_are_one_launch_where_all_their_threads_fit_on_the_gpu():
-    gpu = on_a_gpu(multiprocessors=132)  # An H100: 528 blocks of 128 threads.
+    gpu = on_a_gpu(multiprocessors=132)
     sizes = (16, 2000), (150, 300), (256, 2000)
-    assert [gpu.fits(*size) for size in sizes] == [True, True, False]
-    assert [gpu.fits(*size, groups=2) for size in sizes] == [True, False, False]
-    assert not on_a_gpu(multiprocessors=0).fits(1, 1)
+    assert [gpu.at_once(*size) for size in sizes] == [gpu.actions[0], gpu.actions[1], None]
+    assert on_a_gpu(multiprocessors=0).at_once(1, 1) is None
 
 
 def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():

@@ -23,6 +23,8 @@ from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.nodes import active_node, clear, clear_both
 from app.sim.mpm.particle_kernels import BLOCK_DIM, WARP_SIZE, add_to_tool_of, back, forth, sum_over_warp
+from app.sim.mpm.shared_transfer import BY_PLANES, WHOLE
+from app.sim.mpm.simd_intrinsics import ABREAST
 from app.sim.mpm.simd_layout import (
     affine,
     load_deformation,
@@ -37,6 +39,9 @@ from app.sim.mpm.substep import KernelFunctions, adjoint_module_of, make_pieces,
 
 RESIDENT = 4
 """Blocks that a multiprocessor holds at the same time: their kernels may take 128 of its registers a thread."""
+
+RESIDENT_BY_PLANES = 7
+"""The same of those with three threads a particle: 72 registers a thread."""
 
 
 @final
@@ -53,6 +58,17 @@ class ActionKernels:
     pieces: KernelFunctions
     forward: wp.Kernel
     adjoint: wp.Kernel
+    by_planes: bool
+
+    @property
+    def resident(self) -> int:
+        """Blocks on a multiprocessor at the same time."""
+        return RESIDENT_BY_PLANES if self.by_planes else RESIDENT
+
+    def blocks(self, particles: int) -> int:
+        """Blocks of a candidate."""
+        warps = -(-particles // (ABREAST if self.by_planes else WARP_SIZE))
+        return -(-warps * WARP_SIZE // BLOCK_DIM)
 
 
 @wp.func_native("""
@@ -74,10 +90,15 @@ def wait_for_all(arrived: wp.array[wp.int32], b: int, expected: int):
 
 
 @functools.cache
-def action_kernels(code: Code) -> ActionKernels:
-    """Kernels for scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
-    pieces = make_pieces(code)
-    forward_module, adjoint_module = module_of("action", code), adjoint_module_of("action_adjoint", code, pieces)
+def action_kernels(code: Code, *, by_planes: bool) -> ActionKernels:
+    """Kernels for scenes of this code. Cheap: compilation happens at the first launch, or in warm-up.
+
+    `by_planes`: three threads a particle (`shared_transfer`), of which the first speaks for all.
+    """
+    pieces = make_pieces(code, BY_PLANES if by_planes else WHOLE)
+    kind = "action_by_planes" if by_planes else "action"
+    forward_module, adjoint_module = module_of(kind, code), adjoint_module_of(f"{kind}_adjoint", code, pieces)
+    bounds = BLOCK_DIM, RESIDENT_BY_PLANES if by_planes else RESIDENT
     for module in (forward_module, adjoint_module):
         module.options["fast_math"] = True
     types = pieces.types
@@ -87,48 +108,70 @@ def action_kernels(code: Code) -> ActionKernels:
     grain_total, node_total, add_to_tool = sum_over_warp(PhiGrain), sum_over_warp(PhiNode), add_to_tool_of(Pose)
     holds = any(part.thin or part.grasps for part in code.parts)
 
-    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
+    @wp.func
+    def particle_of(thread: int, count: int) -> int:
+        """Number of the particle of a thread, or -1."""
+        p = thread
+        if wp.static(by_planes):
+            lane = thread % WARP_SIZE
+            p = (thread // WARP_SIZE) * ABREAST + lane % ABREAST
+            if lane >= 3 * ABREAST:
+                p = count
+        if p >= count:
+            p = -1
+        return p
+
+    @wp.func
+    def leads(thread: int) -> bool:
+        """True for the thread that speaks for its particle."""
+        if wp.static(by_planes):
+            return thread % WARP_SIZE < ABREAST
+        return True
+
+    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=bounds)
     def forward(k: Constants, blocks: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
-        b, t = wp.tid()
+        b, thread = wp.tid()
         threads = blocks * BLOCK_DIM
+        p = particle_of(thread, h.shape[3])
+        writes = p >= 0 and leads(thread)
         steps = a.tool.shape[1] - 1
         rows = h.shape[1]
-        mine = t < h.shape[3]
         x = wp.vec3()
         v = wp.vec3()
         C = wp.mat33()
         F = wp.mat33()
-        m = matter_of(k, t)
-        if mine:
-            motion = load_motion(start, b, 0, t)
+        m = matter_of(k, p)
+        if p >= 0:
+            motion = load_motion(start, b, 0, p)
             x = position(motion)
             v = velocity(motion)
             C = affine(motion)
-            F = load_deformation(start, b, 0, t)
+            F = load_deformation(start, b, 0, p)
         for s in range(steps):
             w = forth(b, s)
-            if mine:
-                if rows > steps:
-                    store_motion(h, b, s, t, x, v, C)
-                    store_deformation(h, b, s, t, F)
-                F = p2g(k, a, m, w, t, x, v, C, F, grid)
+            if writes and rows > steps:
+                store_motion(h, b, s, p, x, v, C)
+                store_deformation(h, b, s, p, F)
+            if p >= 0:
+                F = p2g(k, a, m, w, p, x, v, C, F, grid)
             wait_for_all(grid.arrived, b, (2 * s + 1) * blocks)
             old = forth(b, s + 1)
-            for n in range(t, grid.count[b] * BLOCK_NODES, threads):
+            for n in range(thread, grid.count[b] * BLOCK_NODES, threads):
                 i = active_node(n, b, grid)
                 node(k, a, w, i, grid)
                 clear(i, old.slot, s, grid)  # It has been taken, and is given again in the next substep.
             wait_for_all(grid.arrived, b, (2 * s + 2) * blocks)
-            if mine:
+            if p >= 0:
                 x, v, C = g2p(k, a, w, x, grid)
-        if mine:
-            store_motion(h, b, steps % rows, t, x, v, C)
-            store_deformation(h, b, steps % rows, t, F)
+        if writes:
+            store_motion(h, b, steps % rows, p, x, v, C)
+            store_deformation(h, b, steps % rows, p, F)
 
-    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
+    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=bounds)
     def adjoint(
         k: Constants,
         blocks: int,
+        own: int,
         a: Inputs,
         h: wp.array4d[wp.vec4],
         bars: wp.array4d[wp.vec4],
@@ -139,9 +182,13 @@ def action_kernels(code: Code) -> ActionKernels:
         grid_bars: GridBars,
     ):
         b, thread = wp.tid()
-        own = -(-h.shape[3] // BLOCK_DIM) * BLOCK_DIM
         turns = thread < own
-        t = thread - (blocks * BLOCK_DIM - own)  # Number among those who compute again: the last of all, or all.
+        second = thread - (blocks * BLOCK_DIM - own)  # Number among those who compute again: the last, or all.
+        p = particle_of(thread, h.shape[3])
+        again = -1
+        if second >= 0:
+            again = particle_of(second, h.shape[3])
+        writes = turns and p >= 0 and leads(thread)
         steps = a.tool.shape[1] - 1
         x_bar = wp.vec3()
         v_bar = wp.vec3()
@@ -149,68 +196,73 @@ def action_kernels(code: Code) -> ActionKernels:
         F_bar = wp.mat33()
         grain_sum = PhiGrain()
         node_sum = PhiNode()
-        mine = thread < h.shape[3]
-        if mine:
-            end = load_motion(bars, b, 0, thread)
+        if turns and p >= 0:
+            end = load_motion(bars, b, 0, p)
             x_bar = position(end)
             v_bar = velocity(end)
             C_bar = affine(end)
-            F_bar = load_deformation(bars, b, 0, thread)
+            F_bar = load_deformation(bars, b, 0, p)
         for later in range(steps + 2):
             s = steps - later
             if turns:
                 if s + 1 < steps:
                     now_sum = Pose()
                     then_sum = Pose()
-                    if mine:
-                        x_bar, v_bar, C_bar, F_bar, phi_part, now_sum, then_sum = p2g_adjoint(
-                            k, a, matter_of(k, thread), back(b, s + 1, steps), thread, h, x_bar, F_bar, grid_bars
+                    if p >= 0:
+                        x_bar, v_bar, C_bar, F_bar, phi_part, now_part, then_part = p2g_adjoint(
+                            k, a, matter_of(k, p), back(b, s + 1, steps), p, h, x_bar, F_bar, grid_bars
                         )
-                        grain_sum += phi_part
+                        if writes:
+                            grain_sum += phi_part
+                            now_sum = now_part
+                            then_sum = then_part
                     add_to_tool(b, s + 1, now_sum, then_sum, tool_bar)
                 if s >= 0 and s < steps:
-                    now_part = Pose()
-                    then_part = Pose()
-                    if mine:
+                    now_sum = Pose()
+                    then_sum = Pose()
+                    if p >= 0:
+                        x = load_position(h, b, s, p)
                         x_bar, now_part, then_part = g2p_adjoint(
-                            k,
-                            a,
-                            back(b, s, steps),
-                            load_position(h, b, s, thread),
-                            x_bar,
-                            v_bar,
-                            C_bar,
-                            grid,
-                            grid_bars,
+                            k, a, back(b, s, steps), x, x_bar, v_bar, C_bar, grid, grid_bars
                         )
+                        if writes:
+                            now_sum = now_part
+                            then_sum = then_part
                     if wp.static(holds):
-                        add_to_tool(b, s, now_part, then_part, tool_bar)
-            if s > 0 and t >= 0 and t < h.shape[3]:
-                motion = load_motion(h, b, s - 1, t)
-                F = load_deformation(h, b, s - 1, t)
+                        add_to_tool(b, s, now_sum, then_sum, tool_bar)
+            if s > 0 and again >= 0:
+                motion = load_motion(h, b, s - 1, again)
+                F = load_deformation(h, b, s - 1, again)
                 w = back(b, s - 1, steps)
-                _F = p2g(k, a, matter_of(k, t), w, t, position(motion), velocity(motion), affine(motion), F, grid)
+                m = matter_of(k, again)
+                _F = p2g(k, a, m, w, again, position(motion), velocity(motion), affine(motion), F, grid)
             wait_for_all(grid.arrived, b, (2 * later + 1) * blocks)
             nodes = grid.count[b] * BLOCK_NODES
             if turns and s >= 0 and s < steps:
                 for n in range(thread, nodes, own):
                     node_sum += node_adjoint(k, a, back(b, s, steps), active_node(n, b, grid), grid, grid_bars)
-            if t >= 0 and s >= 0:
+            if second >= 0 and s >= 0:
                 old = back(b, s + 1, steps)
-                for n in range(t, nodes, own):
+                for n in range(second, nodes, own):
                     i = active_node(n, b, grid)
                     if s > 0:
                         node(k, a, back(b, s - 1, steps), i, grid)
                     clear_both(i, old.slot, old.stamp, grid, grid_bars)
             wait_for_all(grid.arrived, b, (2 * later + 2) * blocks)
+        if writes:
+            store_motion(bars, b, 0, p, x_bar, v_bar, C_bar)
+            store_deformation(bars, b, 0, p, F_bar)
         if turns:
-            if mine:
-                store_motion(bars, b, 0, thread, x_bar, v_bar, C_bar)
-                store_deformation(bars, b, 0, thread, F_bar)
             grain_sum = grain_total(grain_sum)
             node_sum = node_total(node_sum)
             if thread % WARP_SIZE == 0:
                 grain_bar[b, thread // WARP_SIZE] = grain_sum
                 node_bar[b, thread // WARP_SIZE] = node_sum
 
-    return ActionKernels(modules=(forward_module, adjoint_module), pieces=pieces, forward=forward, adjoint=adjoint)
+    return ActionKernels(
+        modules=(forward_module, adjoint_module),
+        pieces=pieces,
+        forward=forward,
+        adjoint=adjoint,
+        by_planes=by_planes,
+    )

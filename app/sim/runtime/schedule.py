@@ -14,7 +14,7 @@ from app.sim.codegen.tool_composition import parts
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.model.scene import Scene
-from app.sim.mpm.action_kernels import RESIDENT, ActionKernels, action_kernels
+from app.sim.mpm.action_kernels import ActionKernels, action_kernels
 from app.sim.mpm.candidate_kernels import CandidateKernels, candidate_kernels
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.particle_kernels import (
@@ -153,33 +153,37 @@ class ThreadedCandidates:
 class Launched:
     """CUDA schedule: one launch an action where all its threads are on the GPU at the same time, or two a substep.
 
-    A thread is a particle; `lanes` threads a candidate take its active nodes where a substep is two launches.
-    `multiprocessors`: those of the GPU; none, and no action is one launch.
+    `actions`: kernels of whole actions, the best first. `multiprocessors`: those of the GPU; with none, no action is
+    one launch. `lanes` threads a candidate take its active nodes where a substep is two launches.
     """
 
     substeps: ParticleKernels
-    actions: ActionKernels
+    actions: tuple[ActionKernels, ...]
     multiprocessors: int
     lanes: int = LANES
     sorts: bool = True
 
     @property
     def pieces(self) -> KernelFunctions:
-        """Those of both kinds of kernels."""
+        """Those of any of the kernels."""
         return self.substeps.pieces
 
     @property
     def modules(self) -> tuple[wp.Module, ...]:
         """All."""
-        return (*self.actions.modules, *self.substeps.modules)
+        return (*(module for kernels in self.actions for module in kernels.modules), *self.substeps.modules)
 
     def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
         """That of whole actions, where they fit."""
-        return self.actions.modules[backwards] if self.fits(candidates, particles) else self.substeps.modules[0]
+        kernels = self.at_once(candidates, particles)
+        return kernels.modules[backwards] if kernels else self.substeps.modules[0]
 
-    def fits(self, candidates: int, particles: int, *, groups: int = 1) -> bool:
-        """True if all blocks of these candidates, `groups` times a thread a particle, are on the GPU at once."""
-        return candidates * groups * _blocks(particles) <= RESIDENT * self.multiprocessors
+    def at_once(self, candidates: int, particles: int) -> ActionKernels | None:
+        """The first kernels of whole actions that find a place for all their blocks at the same time."""
+        return next((each for each in self.actions if self._fits(each, candidates, particles)), None)
+
+    def _fits(self, kernels: ActionKernels, candidates: int, particles: int, groups: int = 1) -> bool:
+        return candidates * groups * kernels.blocks(particles) <= kernels.resident * self.multiprocessors
 
     def lists(self, candidates: int) -> int:
         """All."""
@@ -191,8 +195,9 @@ class Launched:
 
     def columns(self, candidates: int, particles: int) -> tuple[int, int]:
         """One for each warp of threads: atomic sums on one address would queue."""
-        if self.fits(candidates, particles):
-            warps = _blocks(particles) * BLOCK_DIM // WARP_SIZE
+        kernels = self.at_once(candidates, particles)
+        if kernels:
+            warps = kernels.blocks(particles) * BLOCK_DIM // WARP_SIZE
             return warps, warps
         return -(-particles // WARP_SIZE), self.lanes // WARP_SIZE
 
@@ -200,10 +205,10 @@ class Launched:
         """One launch, or particles and nodes in turn."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        if self.fits(candidates, particles):
-            blocks = _blocks(particles)
-            arguments = [k, blocks, inputs, start, history, grid]
-            _launch(self.actions.forward, work, blocks * BLOCK_DIM, arguments)
+        kernels = self.at_once(candidates, particles)
+        if kernels:
+            blocks = kernels.blocks(particles)
+            _launch(kernels.forward, work, blocks * BLOCK_DIM, [k, blocks, inputs, start, history, grid])
             return
         steps = inputs.tool.shape[1] - 1
         for s in range(steps):
@@ -215,11 +220,13 @@ class Launched:
         """The same backwards, the grid computed again one substep ahead by threads of their own."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        if self.fits(candidates, particles):
-            blocks = _blocks(particles) * (2 if self.fits(candidates, particles, groups=2) else 1)
+        kernels = self.at_once(candidates, particles)
+        if kernels:
+            own = kernels.blocks(particles)
+            blocks = 2 * own if self._fits(kernels, candidates, particles, groups=2) else own
             sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
-            arguments = [k, blocks, inputs, history, *sums, grid, bars.grid]
-            _launch(self.actions.adjoint, work, blocks * BLOCK_DIM, arguments)
+            arguments = [k, blocks, own * BLOCK_DIM, inputs, history, *sums, grid, bars.grid]
+            _launch(kernels.adjoint, work, blocks * BLOCK_DIM, arguments)
             return
         of_particles = [_warps(particles), inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
         of_nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
@@ -233,11 +240,6 @@ class Launched:
 
     def _over_nodes(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int) -> None:
         _launch(kernel, work, groups * self.lanes, arguments)
-
-
-def _blocks(particles: int) -> int:
-    """Blocks of a thread a particle."""
-    return -(-particles // BLOCK_DIM)
 
 
 def _warps(particles: int) -> int:
@@ -263,5 +265,8 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     code = code_of(scene, effects)
     if platform == "cpu":
         return ThreadedCandidates(kernels=candidate_kernels(code))
-    gpu = wp.device_from_jax(jax.local_devices()[0])
-    return Launched(substeps=particle_kernels(code), actions=action_kernels(code), multiprocessors=gpu.sm_count)
+    return Launched(
+        substeps=particle_kernels(code),
+        actions=tuple(action_kernels(code, by_planes=by_planes) for by_planes in (True, False)),
+        multiprocessors=wp.device_from_jax(jax.local_devices()[0]).sm_count,
+    )
