@@ -111,10 +111,12 @@ def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
 
 
 def test_actions_are_one_launch_where_all_their_threads_fit_on_the_gpu():
-    gpu = on_a_gpu(multiprocessors=132)
-    sizes = (16, 2000), (150, 300), (256, 2000)
-    assert [gpu.at_once(*size) for size in sizes] == [gpu.actions[0], gpu.actions[1], None]
-    assert on_a_gpu(multiprocessors=0).at_once(1, 1) is None
+    gpu = on_a_gpu(multiprocessors=132)  # An H100.
+    by_planes, whole = gpu.actions
+    sizes = (16, 300), (16, 1000), (16, 2000), (150, 300), (256, 2000)
+    assert [gpu.forth(*size) for size in sizes] == [by_planes, by_planes, whole, whole, None]
+    assert [gpu.back(*size) for size in sizes] == [(by_planes, 2), (whole, 2), (whole, 2), (whole, 1), (None, 1)]
+    assert on_a_gpu(multiprocessors=0).forth(1, 1) is None
 
 
 def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():

@@ -40,9 +40,6 @@ from app.sim.mpm.substep import KernelFunctions, adjoint_module_of, make_pieces,
 RESIDENT = 4
 """Blocks that a multiprocessor holds at the same time: their kernels may take 128 of its registers a thread."""
 
-RESIDENT_BY_PLANES = 7
-"""The same of those with three threads a particle: 72 registers a thread."""
-
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +56,6 @@ class ActionKernels:
     forward: wp.Kernel
     adjoint: wp.Kernel
     by_planes: bool
-
-    @property
-    def resident(self) -> int:
-        """Blocks on a multiprocessor at the same time."""
-        return RESIDENT_BY_PLANES if self.by_planes else RESIDENT
 
     def blocks(self, particles: int) -> int:
         """Blocks of a candidate."""
@@ -98,7 +90,6 @@ def action_kernels(code: Code, *, by_planes: bool) -> ActionKernels:
     pieces = make_pieces(code, BY_PLANES if by_planes else WHOLE)
     kind = "action_by_planes" if by_planes else "action"
     forward_module, adjoint_module = module_of(kind, code), adjoint_module_of(f"{kind}_adjoint", code, pieces)
-    bounds = BLOCK_DIM, RESIDENT_BY_PLANES if by_planes else RESIDENT
     for module in (forward_module, adjoint_module):
         module.options["fast_math"] = True
     types = pieces.types
@@ -128,7 +119,7 @@ def action_kernels(code: Code, *, by_planes: bool) -> ActionKernels:
             return thread % WARP_SIZE < ABREAST
         return True
 
-    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=bounds)
+    @wp.kernel(module=forward_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
     def forward(k: Constants, blocks: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
         b, thread = wp.tid()
         threads = blocks * BLOCK_DIM
@@ -167,7 +158,7 @@ def action_kernels(code: Code, *, by_planes: bool) -> ActionKernels:
             store_motion(h, b, steps % rows, p, x, v, C)
             store_deformation(h, b, steps % rows, p, F)
 
-    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=bounds)
+    @wp.kernel(module=adjoint_module, enable_backward=False, launch_bounds=(BLOCK_DIM, RESIDENT))
     def adjoint(
         k: Constants,
         blocks: int,

@@ -21,8 +21,8 @@ def in_blocks(code: str) -> str:
 def whole(code: str) -> str:
     """Native code of a thread that has all nodes around a particle.
 
-    `code` is of plane i of the three planes of nodes across x: EACH_PLANE(step) is the loop over them, ADD_PLANES(out, n)
-    comes after it, and RUN_BEGINS says which threads of a warp begin a run in any case.
+    `code` is of plane i of the three planes of nodes across x: EACH_PLANE(step) is the loop over them,
+    ADD_PLANES(out, n) comes after it, and RUN_BEGINS says which threads of a warp begin a run in any case.
     """
     code = re.sub(r"EACH_PLANE\(\)", '_Pragma("unroll") for (int i = 0; i < 3; i++)', code)
     code = re.sub(r"EACH_PLANE\((.+?)\)", r'_Pragma("unroll") for (int i = 0; i < 3; i++, \1)', code)

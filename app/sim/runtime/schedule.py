@@ -14,7 +14,7 @@ from app.sim.codegen.tool_composition import parts
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.model.scene import Scene
-from app.sim.mpm.action_kernels import ActionKernels, action_kernels
+from app.sim.mpm.action_kernels import RESIDENT, ActionKernels, action_kernels
 from app.sim.mpm.candidate_kernels import CandidateKernels, candidate_kernels
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.particle_kernels import (
@@ -175,15 +175,21 @@ class Launched:
 
     def module(self, candidates: int, particles: int, *, backwards: bool) -> wp.Module:
         """That of whole actions, where they fit."""
-        kernels = self.at_once(candidates, particles)
-        return kernels.modules[backwards] if kernels else self.substeps.modules[0]
+        whole = self.back(candidates, particles)[0] if backwards else self.forth(candidates, particles)
+        return whole.modules[backwards] if whole else self.substeps.modules[0]
 
-    def at_once(self, candidates: int, particles: int) -> ActionKernels | None:
-        """The first kernels of whole actions that find a place for all their blocks at the same time."""
-        return next((each for each in self.actions if self._fits(each, candidates, particles)), None)
+    def forth(self, candidates: int, particles: int) -> ActionKernels | None:
+        """The first kernels of whole actions whose blocks are all on the GPU at the same time."""
+        return self._fitting(candidates, particles)
 
-    def _fits(self, kernels: ActionKernels, candidates: int, particles: int, groups: int = 1) -> bool:
-        return candidates * groups * kernels.blocks(particles) <= kernels.resident * self.multiprocessors
+    def back(self, candidates: int, particles: int) -> tuple[ActionKernels | None, int]:
+        """The same of adjoints, and 2 if there is room for threads of their own to compute the grid again, else 1."""
+        apart = self._fitting(2 * candidates, particles)
+        return (apart, 2) if apart else (self._fitting(candidates, particles), 1)
+
+    def _fitting(self, candidates: int, particles: int) -> ActionKernels | None:
+        room = RESIDENT * self.multiprocessors
+        return next((each for each in self.actions if candidates * each.blocks(particles) <= room), None)
 
     def lists(self, candidates: int) -> int:
         """All."""
@@ -195,9 +201,9 @@ class Launched:
 
     def columns(self, candidates: int, particles: int) -> tuple[int, int]:
         """One for each warp of threads: atomic sums on one address would queue."""
-        kernels = self.at_once(candidates, particles)
-        if kernels:
-            warps = kernels.blocks(particles) * BLOCK_DIM // WARP_SIZE
+        whole, _ = self.back(candidates, particles)
+        if whole:
+            warps = whole.blocks(particles) * BLOCK_DIM // WARP_SIZE
             return warps, warps
         return -(-particles // WARP_SIZE), self.lanes // WARP_SIZE
 
@@ -205,10 +211,10 @@ class Launched:
         """One launch, or particles and nodes in turn."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        kernels = self.at_once(candidates, particles)
-        if kernels:
-            blocks = kernels.blocks(particles)
-            _launch(kernels.forward, work, blocks * BLOCK_DIM, [k, blocks, inputs, start, history, grid])
+        whole = self.forth(candidates, particles)
+        if whole:
+            blocks = whole.blocks(particles)
+            _launch(whole.forward, work, blocks * BLOCK_DIM, [k, blocks, inputs, start, history, grid])
             return
         steps = inputs.tool.shape[1] - 1
         for s in range(steps):
@@ -220,13 +226,13 @@ class Launched:
         """The same backwards, the grid computed again one substep ahead by threads of their own."""
         k, inputs, history, grid = work
         candidates, _, _, particles = history.shape
-        kernels = self.at_once(candidates, particles)
-        if kernels:
-            own = kernels.blocks(particles)
-            blocks = 2 * own if self._fits(kernels, candidates, particles, groups=2) else own
+        whole, groups = self.back(candidates, particles)
+        if whole:
+            own = whole.blocks(particles)
+            blocks = groups * own
             sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
             arguments = [k, blocks, own * BLOCK_DIM, inputs, history, *sums, grid, bars.grid]
-            _launch(kernels.adjoint, work, blocks * BLOCK_DIM, arguments)
+            _launch(whole.adjoint, work, blocks * BLOCK_DIM, arguments)
             return
         of_particles = [_warps(particles), inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
         of_nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
