@@ -11,10 +11,11 @@ import pytest
 
 from app.core.errors import ParameterError
 from app.sim.model.catalogue import EFFECTS
+from app.sim.mpm.action_kernels import action_kernels
 from app.sim.mpm.candidate_kernels import candidate_kernels
 from app.sim.mpm.particle_kernels import particle_kernels
 from app.sim.runtime.rollout import Simulate, make_rollout
-from app.sim.runtime.schedule import LaunchedSubsteps, ThreadedCandidates, code_of
+from app.sim.runtime.schedule import Launched, ThreadedCandidates, code_of
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, phi_with, rope, straight_tool
 
@@ -94,14 +95,28 @@ def test_the_number_of_threads_changes_nothing():
     assert_same(gradients(one, *problem()), gradients(three, *problem()))
 
 
+def on_a_gpu(multiprocessors: int) -> Launched:
+    code = code_of(SCENE, EFFECTS)
+    kinds = tuple(action_kernels(code, by_planes=by_planes) for by_planes in (True, False))
+    return Launched(substeps=particle_kernels(code), actions=kinds, multiprocessors=multiprocessors, lanes=32)
+
+
 def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
-    schedule = LaunchedSubsteps(kernels=particle_kernels(code_of(SCENE, EFFECTS)), lanes=32)
-    launched = make_rollout(SCENE, particle_count=PARTICLES, schedule=schedule)
+    launched = make_rollout(SCENE, particle_count=PARTICLES, schedule=on_a_gpu(multiprocessors=0))
     for ours, theirs in zip(launched(*problem()), SIMULATE(*problem()), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
     ours, theirs = (jax.tree.leaves(gradients(simulate, *problem())) for simulate in (launched, SIMULATE))
     for mine, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
+
+
+def test_actions_are_one_launch_where_all_their_threads_fit_on_the_gpu():
+    gpu = on_a_gpu(multiprocessors=132)  # An H100.
+    by_planes, whole = gpu.actions
+    sizes = (16, 300), (16, 1000), (16, 2000), (150, 300), (256, 2000)
+    assert [gpu.forth(*size) for size in sizes] == [by_planes, by_planes, whole, whole, None]
+    assert [gpu.back(*size) for size in sizes] == [(by_planes, 2), (whole, 2), (whole, 2), (whole, 1), (None, 1)]
+    assert on_a_gpu(multiprocessors=0).forth(1, 1) is None
 
 
 def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():

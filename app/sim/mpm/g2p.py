@@ -14,13 +14,13 @@ from app.sim.constants import Constants
 from app.sim.effects.base import WarpFunction
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.p2g import finite
+from app.sim.mpm.shared_transfer import Transfers
 from app.sim.mpm.sparse_grid_blocks import cells, inside
-from app.sim.mpm.transfer import gather, gather_adjoint
 
 
-def to_particles_of(hold: WarpFunction | None, types: Types) -> WarpFunction:
+def to_particles_of(hold: WarpFunction | None, types: Types, transfers: Transfers) -> WarpFunction:
     """`to_particles(k, a, w, x, grid) -> x, v, C`, held out of what is thin by `touching.barrier`, if anything is."""
-    Inputs = types.Inputs
+    Inputs, gather = types.Inputs, transfers.gather
 
     @wp.func
     def to_particles(k: Constants, a: Inputs, w: Place, x: wp.vec3, grid: Grid):
@@ -39,13 +39,13 @@ def to_particles_of(hold: WarpFunction | None, types: Types) -> WarpFunction:
     return to_particles
 
 
-def to_particles_adjoint_of(held: WarpFunction | None, types: Types) -> WarpFunction:
+def to_particles_adjoint_of(held: WarpFunction | None, types: Types, transfers: Transfers) -> WarpFunction:
     """`to_particles_adjoint(k, a, w, x, x_next_bar, v_next_bar, C_bar, grid, grid_bars)`, given `hold_work`.
 
     Adds to the cotangents of the nodes; returns that of x before the substep, in part, and those of the tools'
     coordinates before and after it.
     """
-    Inputs, Pose = types.Inputs, types.Pose
+    Inputs, Pose, gather, gather_adjoint = types.Inputs, types.Pose, transfers.gather, transfers.gather_adjoint
 
     @wp.func
     def to_particles_adjoint(

@@ -17,7 +17,8 @@ class Grid:
 
     A block comes onto its candidate's list when matter first comes near it, and stays for the whole action; `listed`
     says that it is there. `felt` (slots, K) is the substep's stamp where a tool touches particles of the block; stamps
-    grow from one use of a slot to the next, so that they need not be cleared.
+    grow from one use of a slot to the next, so that they need not be cleared. `arrived` (lists,) counts arrivals where
+    blocks of threads wait for each other (`action_kernels`).
     """
 
     mass: wp.array2d[wp.vec4]
@@ -28,6 +29,7 @@ class Grid:
     listed: wp.array2d[wp.int32]
     active: wp.array2d[wp.int32]
     count: wp.array[wp.int32]
+    arrived: wp.array[wp.int32]
 
 
 @wp.struct

@@ -13,12 +13,11 @@ from app.sim.codegen.inputs import Place, Types, grain_of
 from app.sim.constants import Constants, Matter
 from app.sim.effects.base import WarpFunction
 from app.sim.mpm.memory import Grid, GridBars
+from app.sim.mpm.shared_transfer import Transfers
 from app.sim.mpm.simd_layout import affine as affine_of
 from app.sim.mpm.simd_layout import load_deformation, load_motion, position
 from app.sim.mpm.simd_layout import velocity as velocity_of
 from app.sim.mpm.sparse_grid_blocks import cells, enlist, enlist_felt, inside
-from app.sim.mpm.touch_transfer import scatter_touch, scatter_touch_adjoint
-from app.sim.mpm.transfer import scatter, scatter_adjoint
 
 FAR_TOO_LARGE = wp.constant(1.0e30)
 """A square that no momentum, stress or cotangent of a sound simulation comes near."""
@@ -30,9 +29,9 @@ def finite(a: wp.vec3, A: wp.mat33) -> bool:
     return wp.dot(a, a) + wp.ddot(A, A) < FAR_TOO_LARGE
 
 
-def to_grid_of(particle: WarpFunction, types: Types) -> WarpFunction:
+def to_grid_of(particle: WarpFunction, types: Types, transfers: Transfers) -> WarpFunction:
     """`to_grid(k, a, m, w, p, x, v, C, F, grid) -> F`: the new F. What is not finite gives nothing and becomes NaN."""
-    Inputs = types.Inputs
+    Inputs, scatter, scatter_touch = types.Inputs, transfers.scatter, transfers.touch
 
     @wp.func
     def to_grid(
@@ -69,7 +68,12 @@ def to_grid_of(particle: WarpFunction, types: Types) -> WarpFunction:
 
 
 def to_grid_adjoint_of(
-    particle: WarpFunction, work: WarpFunction, types: Types, body: int = 0, before: WarpFunction | None = None
+    particle: WarpFunction,
+    work: WarpFunction,
+    types: Types,
+    transfers: Transfers,
+    body: int = 0,
+    before: WarpFunction | None = None,
 ) -> WarpFunction:
     """`to_grid_adjoint(k, a, m, w, p, h, x_part, F_next_bar, grid_bars)`, given `particle` and `particle_work`.
 
@@ -78,6 +82,7 @@ def to_grid_adjoint_of(
     `body`; it is called from here because Warp puts functions that take gradients after all those that do not.
     """
     Inputs, PhiGrain, Pose = types.Inputs, types.PhiGrain, types.Pose
+    scatter_adjoint, scatter_touch_adjoint = transfers.scatter_adjoint, transfers.touch_adjoint
 
     @wp.func
     def to_grid_adjoint(

@@ -19,6 +19,7 @@ import warp as wp
 from app.sim.codegen.inputs import Place, matter_of, place_of
 from app.sim.codegen.kernel_codegen import Code
 from app.sim.constants import BLOCK_NODES, Constants
+from app.sim.effects.base import WarpFunction
 from app.sim.mpm.memory import Grid, GridBars
 from app.sim.mpm.nodes import active_node, clear, clear_both
 from app.sim.mpm.simd_layout import (
@@ -82,7 +83,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
     p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
-    grain_total, node_total, pose_total = (_sum_over_warp(kind) for kind in (PhiGrain, PhiNode, Pose))
+    grain_total, node_total, add_to_tool = sum_over_warp(PhiGrain), sum_over_warp(PhiNode), add_to_tool_of(Pose)
     holds = any(part.thin or part.grasps for part in code.parts)
     kernel = wp.kernel(module=module, enable_backward=False)
 
@@ -129,15 +130,6 @@ def particle_kernels(code: Code) -> ParticleKernels:
         motion = load_motion(h, w.b, w.s, p)
         F = load_deformation(h, w.b, w.s, p)
         _F = p2g(k, a, matter_of(k, p), w, p, position(motion), velocity(motion), affine(motion), F, grid)
-
-    @wp.func
-    def add_to_tool(b: int, s: int, now_bar: Pose, then_bar: Pose, tool_bar: wp.array2d[Pose]):
-        now_all = pose_total(now_bar)
-        then_all = pose_total(then_bar)
-        if wp.dot(now_all, now_all) != 0.0:  # Few particles touch a tool; the others shall not queue for it.
-            wp.atomic_add(tool_bar, b, s, now_all)
-        if wp.dot(then_all, then_all) != 0.0:
-            wp.atomic_add(tool_bar, b, s + 1, then_all)
 
     # Without a bound the compiler takes 255 registers, and a multiprocessor holds too few threads to hide its memory.
     @wp.kernel(module=module, enable_backward=False, launch_bounds=(BLOCK_DIM, 3))
@@ -236,7 +228,23 @@ def particle_kernels(code: Code) -> ParticleKernels:
     )
 
 
-def _sum_over_warp(kind: Any) -> Any:
+def add_to_tool_of(Pose: Any) -> WarpFunction:
+    """`add_to_tool(b, s, now_bar, then_bar, tool_bar)`: the cotangents of the tools before and after substep s."""
+    total = sum_over_warp(Pose)
+
+    @wp.func
+    def add_to_tool(b: int, s: int, now_bar: Pose, then_bar: Pose, tool_bar: wp.array2d[Pose]):
+        now_all = total(now_bar)
+        then_all = total(then_bar)
+        if wp.dot(now_all, now_all) != 0.0:  # Few particles touch a tool; the others shall not queue for it.
+            wp.atomic_add(tool_bar, b, s, now_all)
+        if wp.dot(then_all, then_all) != 0.0:
+            wp.atomic_add(tool_bar, b, s + 1, then_all)
+
+    return add_to_tool
+
+
+def sum_over_warp(kind: Any) -> Any:
     """A function that gives the first thread of a GPU's warp the sum over its threads, and the others zero.
 
     On the CPU threads run one after the other, and each keeps its own.

@@ -3,7 +3,12 @@
 Notation: q the position in cells from the node (0, 0, 0), f = q minus the first of the three nodes along each axis.
 """
 
+import re
+
 from app.sim.constants import BLOCK_SHIFT
+
+ABREAST = 10
+"""Particles of a warp whose threads share them: number 10 i + p of its 32 has plane i of particle p; two are idle."""
 
 
 def in_blocks(code: str) -> str:
@@ -11,6 +16,40 @@ def in_blocks(code: str) -> str:
     for axis, shift in zip("XYZ", BLOCK_SHIFT, strict=True):
         code = code.replace(f"S{axis}", str(shift)).replace(f"M{axis}", str(2**shift - 1))
     return code
+
+
+def whole(code: str) -> str:
+    """Native code of a thread that has all nodes around a particle.
+
+    `code` is of plane i of the three planes of nodes across x: EACH_PLANE(step) is the loop over them,
+    ADD_PLANES(out, n) comes after it, and RUN_BEGINS says which threads of a warp begin a run in any case.
+    """
+    code = re.sub(r"EACH_PLANE\(\)", '_Pragma("unroll") for (int i = 0; i < 3; i++)', code)
+    code = re.sub(r"EACH_PLANE\((.+?)\)", r'_Pragma("unroll") for (int i = 0; i < 3; i++, \1)', code)
+    return re.sub(r"ADD_PLANES\(.+?\);", "", code).replace("RUN_BEGINS", "lane == 0")
+
+
+def shared(code: str) -> str:
+    """The same of three threads of a warp, one a plane, each of which returns what all three have found."""
+    one = "for (int i = plane, once = 1; once; once = 0)"
+    code = re.sub(r"EACH_PLANE\(\)", one, code)
+    code = re.sub(r"EACH_PLANE\((\w+) \+= (\w+)\)", rf"\1 += \2 * (float)plane; {one}", code)
+    code = re.sub(r"\b([wos]x)\[i\]", r"(plane == 0 ? \1[0] : plane == 1 ? \1[1] : \1[2])", code)
+    return _PLANES + code.replace("RUN_BEGINS", f"lane % {ABREAST} == 0")
+
+
+_PLANES = f"""
+#if defined(__CUDA_ARCH__)
+    const int plane = (threadIdx.x & 31) / {ABREAST}, abreast = (threadIdx.x & 31) % {ABREAST};
+    const unsigned three = (1u | 1u << {ABREAST} | 1u << {2 * ABREAST}) << abreast;
+    #define ADD_PLANES(out, n) do {{ _Pragma("unroll") for (int _c = 0; _c < (n); _c++) \\
+        (out)[_c] = __shfl_sync(three, (out)[_c], abreast) + __shfl_sync(three, (out)[_c], abreast + {ABREAST}) \\
+            + __shfl_sync(three, (out)[_c], abreast + {2 * ABREAST}); }} while (0)
+#else
+    const int plane = 0;
+    #define ADD_PLANES(out, n)
+#endif
+"""
 
 
 VECTOR = """
@@ -45,7 +84,7 @@ RUNS = """
 #if defined(__CUDA_ARCH__)
     const unsigned here = __activemask(), lane = threadIdx.x & 31;
     const int cell = i0 << 20 | j0 << 10 | k0, cell_before = __shfl_up_sync(here, cell, 1);
-    const bool first = lane == 0 || !(here >> (lane - 1) & 1) || cell_before != cell;
+    const bool first = RUN_BEGINS || !(here >> (lane - 1) & 1) || cell_before != cell;
     const unsigned after = (__ballot_sync(here, first) | ~here) & ~((2u << lane) - 1u);
     const int left = (after ? __ffs(after) - 1 : 32) - (int)lane;
     const int longest = __reduce_max_sync(here, left);

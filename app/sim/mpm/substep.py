@@ -24,6 +24,7 @@ from app.sim.effects.base import NodeContext, ParticleContext, WarpFunction
 from app.sim.mpm.g2p import to_particles_adjoint_of, to_particles_of
 from app.sim.mpm.nodes import node_adjoint_of, node_of
 from app.sim.mpm.p2g import to_grid_adjoint_of, to_grid_by_body, to_grid_of
+from app.sim.mpm.shared_transfer import WHOLE, Transfers
 
 
 @final
@@ -43,7 +44,7 @@ class KernelFunctions:
     """Calls every function whose gradient the adjoints take: `worked(k, phi_grain, phi_node, pose, a, A)`."""
 
 
-def make_pieces(code: Code) -> KernelFunctions:
+def make_pieces(code: Code, transfers: Transfers = WHOLE) -> KernelFunctions:
     """Kernel functions for scenes of this code."""
     types = types_of(code)
     hooks = compose(code.effects)
@@ -53,20 +54,20 @@ def make_pieces(code: Code) -> KernelFunctions:
     node_worked = node_work(velocity)
     particles = [particle_function(code, law, hooks) for law in code.laws]
     works = [particle_work(particle) for particle in particles]
-    to_grid = [to_grid_of(particle, types) for particle in particles]
+    to_grid = [to_grid_of(particle, types, transfers) for particle in particles]
     back: WarpFunction | None = None
     for body, (particle, work) in enumerate(zip(particles, works, strict=True)):
-        back = to_grid_adjoint_of(particle, work, types, body, back)
+        back = to_grid_adjoint_of(particle, work, types, transfers, body, back)
         if body > 0:
             to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
     return KernelFunctions(
         code=code,
         types=types,
         to_grid=to_grid[0],
-        to_particles=to_particles_of(hold, types),
+        to_particles=to_particles_of(hold, types, transfers),
         node=node_of(velocity, types),
         to_grid_adjoint=cast(WarpFunction, back),
-        to_particles_adjoint=to_particles_adjoint_of(held, types),
+        to_particles_adjoint=to_particles_adjoint_of(held, types, transfers),
         node_adjoint=node_adjoint_of(node_worked, types),
         worked=_work(works, node_worked, held),
     )

@@ -6,19 +6,17 @@
 
 import warp as wp
 
-from app.sim.mpm.simd_intrinsics import SLOPES, STENCIL, VECTOR
+from app.sim.mpm.simd_intrinsics import SLOPES, STENCIL, VECTOR, whole
 from app.sim.mpm.transfer import Mat34
 
-
-@wp.func_native(
+TOUCH = (
     VECTOR
     + STENCIL
     + """
     f4 *touches = NODES(touch), *aims = NODES(aim);
     const f4 t = {given_touch[0], given_touch[1], given_touch[2], given_touch[3]};
     const f4 a = {given_aim[0], given_aim[1], given_aim[2], given_aim[3]};
-    #pragma unroll
-    for (int i = 0; i < 3; i++)
+    EACH_PLANE()
         #pragma unroll
         for (int j = 0; j < 3; j++)
             #pragma unroll
@@ -30,6 +28,9 @@ from app.sim.mpm.transfer import Mat34
             }
 """
 )
+
+
+@wp.func_native(whole(TOUCH))
 def scatter_touch(
     q: wp.vec3,
     given_touch: wp.vec4,
@@ -43,7 +44,7 @@ def scatter_touch(
     """Add a particle's touch and aim to the 27 nodes around it, with the weights of its mass."""
 
 
-@wp.func_native(
+TOUCH_ADJOINT = (
     VECTOR
     + STENCIL
     + SLOPES
@@ -53,8 +54,7 @@ def scatter_touch(
     const f4 a = {given_aim[0], given_aim[1], given_aim[2], given_aim[3]};
     const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
     f4 t_bar = zero, a_bar = zero, along_x = zero, along_y = zero, along_z = zero;
-    #pragma unroll
-    for (int i = 0; i < 3; i++)
+    EACH_PLANE()
         #pragma unroll
         for (int j = 0; j < 3; j++)
             #pragma unroll
@@ -77,9 +77,13 @@ def scatter_touch(
     out.data[2][1] = SUM(along_y);
     out.data[2][2] = SUM(along_z);
     out.data[2][3] = 0.0f;
+    ADD_PLANES(&out.data[0][0], 12);
     return out;
 """
 )
+
+
+@wp.func_native(whole(TOUCH_ADJOINT))
 def scatter_touch_adjoint(
     q: wp.vec3,
     given_touch: wp.vec4,

@@ -14,12 +14,12 @@ Notation as in `native`: q the position in cells from the node (0, 0, 0).
 
 import warp as wp
 
-from app.sim.mpm.simd_intrinsics import RUNS, SLOPES, STENCIL, VECTOR
+from app.sim.mpm.simd_intrinsics import RUNS, SLOPES, STENCIL, VECTOR, whole
 
 Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
 
 
-@wp.func_native(
+SCATTER = (
     VECTOR
     + STENCIL
     + RUNS
@@ -30,8 +30,7 @@ Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
     const f4 az = {affine.data[0][2], affine.data[1][2], affine.data[2][2], 0.0f};
     const f4 middle = {momentum[0], momentum[1], momentum[2], m};
     f4 pi = middle - ax * fx - ay * fy - az * fz;
-    #pragma unroll
-    for (int i = 0; i < 3; i++, pi += ax) {
+    EACH_PLANE(pi += ax) {
         f4 pj = pi;
         #pragma unroll
         for (int j = 0; j < 3; j++, pj += ay) {
@@ -42,6 +41,9 @@ Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
     }
 """
 )
+
+
+@wp.func_native(whole(SCATTER))
 def scatter(
     q: wp.vec3,
     momentum: wp.vec3,
@@ -55,14 +57,13 @@ def scatter(
     """P2G: add a particle's momentum, momentum slope a cell and mass to the 27 nodes around it."""
 
 
-@wp.func_native(
+GATHER = (
     VECTOR
     + STENCIL
     + """
     const f4* nodes = NODES(velocity);
     f4 v = {0.0f, 0.0f, 0.0f, 0.0f}, bx = v, by = v, bz = v;
-    #pragma unroll
-    for (int i = 0; i < 3; i++) {
+    EACH_PLANE() {
         f4 vi = {0.0f, 0.0f, 0.0f, 0.0f}, yi = vi, zi = vi;
         #pragma unroll
         for (int j = 0; j < 3; j++) {
@@ -85,14 +86,18 @@ def scatter(
         out.data[c][2] = bz[c];
         out.data[c][3] = v[c];
     }
+    ADD_PLANES(&out.data[0][0], 12);
     return out;
 """
 )
+
+
+@wp.func_native(whole(GATHER))
 def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.array2d[wp.vec4]) -> Mat34:
     """G2P: [B | v] of a particle from the 27 nodes around it; B = sum of w v (node - particle)^T, in cells."""
 
 
-@wp.func_native(
+GATHER_ADJOINT = (
     VECTOR
     + STENCIL
     + SLOPES
@@ -107,8 +112,7 @@ def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.arr
     const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
     f4 ai = middle - ax * fx - ay * fy - az * fz;
     f4 along_x = zero, along_y = zero, along_z = zero, u = zero;
-    #pragma unroll
-    for (int i = 0; i < 3; i++, ai += ax) {
+    EACH_PLANE(ai += ax) {
         f4 aj = ai, whole_i = zero, y_i = zero, z_i = zero;
         #pragma unroll
         for (int j = 0; j < 3; j++, aj += ay) {
@@ -134,10 +138,14 @@ def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.arr
         along_y += y_i * wx[i];
         along_z += z_i * wx[i];
     }
-    return wp::vec_t<3, float>(
-        SUM(along_x) - SUM(ax * u), SUM(along_y) - SUM(ay * u), SUM(along_z) - SUM(az * u));
+    float out[3] = {SUM(along_x) - SUM(ax * u), SUM(along_y) - SUM(ay * u), SUM(along_z) - SUM(az * u)};
+    ADD_PLANES(out, 3);
+    return wp::vec_t<3, float>(out[0], out[1], out[2]);
 """
 )
+
+
+@wp.func_native(whole(GATHER_ADJOINT))
 def gather_adjoint(
     q: wp.vec3,
     v_bar: wp.vec3,
@@ -151,7 +159,7 @@ def gather_adjoint(
     """Adjoint of `gather`: adds to the nodes' cotangents and returns that of q."""
 
 
-@wp.func_native(
+SCATTER_ADJOINT = (
     VECTOR
     + STENCIL
     + SLOPES
@@ -164,8 +172,7 @@ def gather_adjoint(
     const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
     f4 pi = middle - ax * fx - ay * fy - az * fz;
     f4 along_x = zero, along_y = zero, along_z = zero, p_bar = zero, bx = zero, by = zero, bz = zero;
-    #pragma unroll
-    for (int i = 0; i < 3; i++, pi += ax) {
+    EACH_PLANE(pi += ax) {
         f4 pj = pi, whole_i = zero, y_i = zero, z_i = zero, bar_i = zero, bary_i = zero, barz_i = zero;
         #pragma unroll
         for (int j = 0; j < 3; j++, pj += ay) {
@@ -205,9 +212,13 @@ def gather_adjoint(
     out.data[3][0] = SUM(along_x) - SUM(ax * p_bar);
     out.data[3][1] = SUM(along_y) - SUM(ay * p_bar);
     out.data[3][2] = SUM(along_z) - SUM(az * p_bar);
+    ADD_PLANES(&out.data[0][0], 16);
     return out;
 """
 )
+
+
+@wp.func_native(whole(SCATTER_ADJOINT))
 def scatter_adjoint(
     q: wp.vec3,
     momentum: wp.vec3,

@@ -44,11 +44,11 @@ class Operations:
 def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
     """Operations for one scene and the numbers of particles of its bodies."""
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
-    kernels = schedule.kernels
-    types = kernels.pieces.types
+    pieces = schedule.pieces
+    types = pieces.types
     PhiGrain, PhiNode, Pose = types.PhiGrain, types.PhiNode, types.Pose
     _, primitives, coordinates = parts(scene.tools)
-    chosen = columns(NOMINAL_PHYSICS, kernels.pieces.code.effects)
+    chosen = columns(NOMINAL_PHYSICS, pieces.code.effects)
     particle_count = sum(counts)
     block_count = block_count_of(scene)
 
@@ -71,15 +71,25 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        arrived: wp.array(dtype=wp.int32),
     ):
-        for scratch in (mass, touch, aim, listed, felt, count):
+        for scratch in (mass, touch, aim, listed, felt, count, arrived):
             scratch.zero_()
         inputs = _struct(
             types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=0
         )
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
         grid = _struct(
-            Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
+            Grid,
+            mass=mass,
+            touch=touch,
+            aim=aim,
+            velocity=mass,
+            listed=listed,
+            felt=felt,
+            active=active,
+            count=count,
+            arrived=arrived,
         )
         schedule.forward(Work(constants(start.device.alias), inputs, history, grid), start)
 
@@ -107,9 +117,11 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        arrived: wp.array(dtype=wp.int32),
     ):
         wp.copy(state_bar, end_bar)
-        for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, velocity, grid_bar, listed, felt, count):
+        sums = grain_bar, node_bar, tool_bar
+        for scratch in (*sums, mass, touch, aim, velocity, grid_bar, listed, felt, count, arrived):
             scratch.zero_()
         inputs = _struct(
             types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=every
@@ -124,14 +136,15 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             felt=felt,
             active=active,
             count=count,
+            arrived=arrived,
         )
         grid_bars = _struct(GridBars, node=grid_bar, touch=touch_bar, aim=aim_bar)
         work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    made_for = kernels.pieces.code, scene, tuple(counts), schedule
-    forward_call = make_warp_call(forward, made_for, num_outputs=8)
-    backward_call = make_warp_call(backward, made_for, num_outputs=15)
+    made_for = pieces.code, scene, tuple(counts), schedule
+    forward_call = make_warp_call(forward, made_for, num_outputs=9)
+    backward_call = make_warp_call(backward, made_for, num_outputs=16)
 
     def grid_dims(candidates: int, *, backwards: bool) -> dict[str, tuple[int, ...]]:
         slots, lists = schedule.slots(candidates, backwards=backwards), schedule.lists(candidates)
@@ -142,17 +155,19 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             "listed": (lists, block_count),
             "active": (lists, block_count),
             "count": (lists,),
+            "arrived": (lists,),
         }
 
     def plan(candidates: int, rows: int, *, backwards: bool) -> None:
         needed = bytes_of(schedule, particles=particle_count, blocks=block_count, rows=rows, backwards=backwards)
         require(needed, candidates, jax.local_devices()[0])
 
-    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, module: wp.Module) -> tuple[jax.Array, ...]:
-        """Arrays that the kernels of `module` read.
+    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, *, backwards: bool) -> tuple[jax.Array, ...]:
+        """Arrays that the kernels read.
 
         Compiles while JAX traces: a compiler has no place in a computation that is recorded.
         """
+        module = schedule.module(phi.shape[0], particle_count, backwards=backwards)
         for device in jax.local_devices():
             on = wp.device_from_jax(device)
             wp.load_module(module, on)
@@ -164,20 +179,21 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         candidates = phi.shape[0]
         plan(candidates, rows, backwards=rows == tool.shape[1])  # A whole history is kept for an adjoint to come.
         dims = grid_dims(candidates, backwards=False) | {"history": (candidates, rows, QUADS, particle_count)}
-        return forward_call(*inputs(phi, tool, setting, kernels.modules[0]), pack(state)[:, None], output_dims=dims)[0]
+        return forward_call(*inputs(phi, tool, setting, backwards=False), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
         phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State, every: bool
     ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
         plan(candidates, tool.shape[1], backwards=True)
+        grain_columns, node_columns = schedule.columns(candidates, particle_count)
         dims = grid_dims(candidates, backwards=True) | {
             "state_bar": (candidates, 1, QUADS, particle_count),
-            "grain_bar": (candidates, schedule.grain_columns(particle_count)),
-            "node_bar": (candidates, schedule.node_columns()),
+            "grain_bar": (candidates, grain_columns),
+            "node_bar": (candidates, node_columns),
             "tool_bar": tool.shape[:2],
         }
-        given = inputs(phi, tool, setting, kernels.modules[-1])
+        given = inputs(phi, tool, setting, backwards=True)
         state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
             *given, history, pack(end_bar)[:, None], numbers=(int(every),), output_dims=dims
         )

@@ -19,5 +19,5 @@ def warm_up(announce: Callable[[str], None], scene: Scene, effects: tuple[Effect
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
     platform = jax.default_backend()
     announce(f"simulator kernels, {'CPU' if platform == 'cpu' else 'CUDA'}")
-    modules = list(schedule_for(platform, scene, effects).kernels.modules)
+    modules = list(schedule_for(platform, scene, effects).modules)
     wp.force_load(wp.device_from_jax(jax.devices()[0]), modules, max_workers=len(modules))
