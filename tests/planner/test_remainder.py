@@ -17,6 +17,8 @@ from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest, remainder_of
 from app.planner.search.sampling import SamplingPlanner
 from app.planner.search.tree import RootBatch, roll_out, simulate, start
+from app.policy.base import PARKED_POSE as POSE
+from app.tasks import load, names
 from tests.planner.table import PHI, SPACE, TASK, planner, rope, search
 
 DEPTH = 3
@@ -61,6 +63,16 @@ def test_where_the_world_does_as_predicted_no_plan_is_worse_than_what_is_left_of
     if isinstance(made, TreePlanner):
         assert found.branches[-1].origin == "continued"
         assert found.branches[-1].cost_before == pytest.approx(float(left.cost[0]), rel=1e-3, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", names())
+def test_a_remainder_is_a_branch_with_the_actions_of_every_task(name: str) -> None:
+    space = load(name).actions
+    config = replace(search(depth=DEPTH), space=space, guided=False)
+    rest = space.sample(np.random.default_rng(0), rope(), POSE, DEPTH - 1)
+    tree = start(config, replace(ASKED, tool=POSE, remainder=rest))
+    np.testing.assert_array_equal(tree.first[-1], rest[0])
+    np.testing.assert_array_equal(tree.later[-1, : DEPTH - 2], rest[1:])
 
 
 @pytest.mark.parametrize("name", planners())

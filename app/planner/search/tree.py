@@ -111,7 +111,7 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     here = situation(search, observed, pose, request.near)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
-    random = [search.space.sample(rng, observed, pose, missing)] if missing else []
+    random = [np.array(search.space.sample(rng, observed, pose, missing))] if missing else []
     drawn = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     later = np.stack(drawn, axis=1) if drawn else np.zeros((count, depth - 1, search.space.size), np.float32)
     given = np.full(later.shape[:2], not search.guided)

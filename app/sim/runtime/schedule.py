@@ -105,7 +105,7 @@ class ThreadedCandidates:
 
     @property
     def pieces(self) -> KernelFunctions:
-        """Of whole actions of a candidate."""
+        """Those of whole actions of a candidate."""
         return self.kernels.pieces
 
     @property
