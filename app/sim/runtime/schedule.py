@@ -271,6 +271,7 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     code = code_of(scene, effects)
     if platform == "cpu":
         return ThreadedCandidates(kernels=candidate_kernels(code))
+    wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
     return Launched(
         substeps=particle_kernels(code),
         actions=tuple(action_kernels(code, by_planes=by_planes) for by_planes in (True, False)),
