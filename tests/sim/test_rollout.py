@@ -15,7 +15,7 @@ from app.sim.mpm.action_kernels import action_kernels
 from app.sim.mpm.candidate_kernels import candidate_kernels
 from app.sim.mpm.particle_kernels import particle_kernels
 from app.sim.runtime.rollout import Simulate, make_rollout
-from app.sim.runtime.schedule import Launched, ThreadedCandidates, code_of
+from app.sim.runtime.schedule import Launched, ThreadedCandidates, code_of, schedule_for
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, phi_with, rope, straight_tool
 
@@ -106,6 +106,20 @@ def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
     for ours, theirs in zip(launched(*problem()), SIMULATE(*problem()), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
     ours, theirs = (jax.tree.leaves(gradients(simulate, *problem())) for simulate in (launched, SIMULATE))
+    for mine, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
+
+
+@pytest.mark.skipif(jax.default_backend() == "cpu", reason="needs a GPU")
+@pytest.mark.parametrize("kind", [0, 1])
+def test_an_action_in_one_launch_on_a_gpu_equals_a_launch_a_substep(kind: int):
+    gpu = schedule_for(jax.default_backend(), SCENE, EFFECTS)
+    assert isinstance(gpu, Launched)
+    whole = make_rollout(SCENE, particle_count=PARTICLES, schedule=replace(gpu, actions=(gpu.actions[kind],)))
+    parts = make_rollout(SCENE, particle_count=PARTICLES, schedule=replace(gpu, actions=()))
+    for ours, theirs in zip(whole(*problem()), parts(*problem()), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
+    ours, theirs = (jax.tree.leaves(gradients(simulate, *problem())) for simulate in (whole, parts))
     for mine, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
 
