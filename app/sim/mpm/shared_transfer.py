@@ -14,7 +14,7 @@ import warp as wp
 
 from app.sim.effects.base import WarpFunction
 from app.sim.mpm import touch_transfer, transfer
-from app.sim.mpm.simd_intrinsics import shared
+from app.sim.mpm.simd_intrinsics import three_threads
 from app.sim.mpm.transfer import Mat34
 
 
@@ -29,7 +29,7 @@ class Transfers(NamedTuple):
     touch_adjoint: WarpFunction
 
 
-@wp.func_native(shared(transfer.SCATTER))
+@wp.func_native(three_threads(transfer.SCATTER))
 def scatter_plane(
     q: wp.vec3,
     momentum: wp.vec3,
@@ -43,7 +43,7 @@ def scatter_plane(
     """Share of a thread in `transfer.scatter`."""
 
 
-@wp.func_native(shared(transfer.SCATTER_ADJOINT))
+@wp.func_native(three_threads(transfer.SCATTER_ADJOINT))
 def scatter_adjoint_plane(
     q: wp.vec3,
     momentum: wp.vec3,
@@ -57,12 +57,12 @@ def scatter_adjoint_plane(
     """Share of a thread in `transfer.scatter_adjoint`; returns the whole."""
 
 
-@wp.func_native(shared(transfer.GATHER))
+@wp.func_native(three_threads(transfer.GATHER))
 def gather_plane(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.array2d[wp.vec4]) -> Mat34:
     """Share of a thread in `transfer.gather`; returns the whole."""
 
 
-@wp.func_native(shared(transfer.GATHER_ADJOINT))
+@wp.func_native(three_threads(transfer.GATHER_ADJOINT))
 def gather_adjoint_plane(
     q: wp.vec3,
     v_bar: wp.vec3,
@@ -76,7 +76,7 @@ def gather_adjoint_plane(
     """Share of a thread in `transfer.gather_adjoint`; returns the whole."""
 
 
-@wp.func_native(shared(touch_transfer.TOUCH))
+@wp.func_native(three_threads(touch_transfer.TOUCH))
 def touch_plane(
     q: wp.vec3,
     given_touch: wp.vec4,
@@ -90,7 +90,7 @@ def touch_plane(
     """Share of a thread in `touch_transfer.scatter_touch`."""
 
 
-@wp.func_native(shared(touch_transfer.TOUCH_ADJOINT))
+@wp.func_native(three_threads(touch_transfer.TOUCH_ADJOINT))
 def touch_adjoint_plane(
     q: wp.vec3,
     given_touch: wp.vec4,

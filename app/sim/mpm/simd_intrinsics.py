@@ -18,7 +18,7 @@ def in_blocks(code: str) -> str:
     return code
 
 
-def whole(code: str) -> str:
+def one_thread(code: str) -> str:
     """Native code of a thread that has all nodes around a particle.
 
     `code` is of plane i of the three planes of nodes across x: EACH_PLANE(step) is the loop over them,
@@ -29,7 +29,7 @@ def whole(code: str) -> str:
     return re.sub(r"ADD_PLANES\(.+?\);", "", code).replace("RUN_BEGINS", "lane == 0")
 
 
-def shared(code: str) -> str:
+def three_threads(code: str) -> str:
     """The same of three threads of a warp, one a plane, each of which returns what all three have found."""
     one = "for (int i = plane, once = 1; once; once = 0)"
     code = re.sub(r"EACH_PLANE\(\)", one, code)

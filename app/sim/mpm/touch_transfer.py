@@ -6,7 +6,7 @@
 
 import warp as wp
 
-from app.sim.mpm.simd_intrinsics import SLOPES, STENCIL, VECTOR, whole
+from app.sim.mpm.simd_intrinsics import SLOPES, STENCIL, VECTOR, one_thread
 from app.sim.mpm.transfer import Mat34
 
 TOUCH = (
@@ -30,7 +30,7 @@ TOUCH = (
 )
 
 
-@wp.func_native(whole(TOUCH))
+@wp.func_native(one_thread(TOUCH))
 def scatter_touch(
     q: wp.vec3,
     given_touch: wp.vec4,
@@ -83,7 +83,7 @@ TOUCH_ADJOINT = (
 )
 
 
-@wp.func_native(whole(TOUCH_ADJOINT))
+@wp.func_native(one_thread(TOUCH_ADJOINT))
 def scatter_touch_adjoint(
     q: wp.vec3,
     given_touch: wp.vec4,

@@ -14,7 +14,7 @@ Notation as in `native`: q the position in cells from the node (0, 0, 0).
 
 import warp as wp
 
-from app.sim.mpm.simd_intrinsics import RUNS, SLOPES, STENCIL, VECTOR, whole
+from app.sim.mpm.simd_intrinsics import RUNS, SLOPES, STENCIL, VECTOR, one_thread
 
 Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
 
@@ -43,7 +43,7 @@ SCATTER = (
 )
 
 
-@wp.func_native(whole(SCATTER))
+@wp.func_native(one_thread(SCATTER))
 def scatter(
     q: wp.vec3,
     momentum: wp.vec3,
@@ -92,7 +92,7 @@ GATHER = (
 )
 
 
-@wp.func_native(whole(GATHER))
+@wp.func_native(one_thread(GATHER))
 def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.array2d[wp.vec4]) -> Mat34:
     """G2P: [B | v] of a particle from the 27 nodes around it; B = sum of w v (node - particle)^T, in cells."""
 
@@ -145,7 +145,7 @@ GATHER_ADJOINT = (
 )
 
 
-@wp.func_native(whole(GATHER_ADJOINT))
+@wp.func_native(one_thread(GATHER_ADJOINT))
 def gather_adjoint(
     q: wp.vec3,
     v_bar: wp.vec3,
@@ -218,7 +218,7 @@ SCATTER_ADJOINT = (
 )
 
 
-@wp.func_native(whole(SCATTER_ADJOINT))
+@wp.func_native(one_thread(SCATTER_ADJOINT))
 def scatter_adjoint(
     q: wp.vec3,
     momentum: wp.vec3,
