@@ -140,7 +140,7 @@ class Pair:
     rows: Mapping[str, Mapping[str, Any]]
 
     def gain(self, name: str) -> float:
-        """How much larger a number of the extended model's row is."""
+        """Difference of a number, the extended model's less the nominal one's."""
         return float(self.rows["extended"][name]) - float(self.rows["nominal"][name])
 
 
