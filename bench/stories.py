@@ -109,18 +109,19 @@ STORIES: Final = (
     ),
     Story(
         task="pour_water",
-        title="Water, and a bowl that is fuller than was said",
-        about="The held bowl has 30 % more in it than cameras and program are told.",
-        hidden="fill_level",
-        size=3.0,
-        seed=64,
-        episodes=5,
+        title="Water, and a bowl that is held elsewhere",
+        about="The held bowl is 18 mm from where the kinematics have it; the other one is narrow, and far.",
+        hidden="tcp_offset",
+        size=6.0,
+        seed=66,
+        episodes=4,
         motions=3,
+        split="hard",
     ),
     Story(
         task="pour_soup",
         title="Soup, and a bowl that is held elsewhere",
-        about="The held bowl is 18 mm from where the kinematics have it; the other one is narrow, and far.",
+        about="As with water, the other way; pieces swim in it.",
         hidden="tcp_offset",
         size=6.0,
         seed=65,
@@ -140,7 +141,7 @@ class Pair:
     rows: Mapping[str, Mapping[str, Any]]
 
     def gain(self, name: str) -> float:
-        """How much larger a number of the extended model's row is."""
+        """Difference of a number, the extended model's less the nominal one's."""
         return float(self.rows["extended"][name]) - float(self.rows["nominal"][name])
 
 

@@ -14,7 +14,6 @@ from app.core.dialogue.approval import Approved, automatic_decision
 from app.core.errors import DipacError, PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.orientation import UNKNOWN
-from app.core.geometry.shapes.tools import HeldBowl
 from app.core.messages import Branch, Decision, Executed, Frame, Goal, Model, Particles, Proposal, Transition, fresh_id
 from app.core.types import Centreline, Points, ToolPose
 from app.evaluation.pour_view import seen_pour
@@ -272,7 +271,7 @@ class _LockStepStages:
     def _shown_truth(self) -> Points:
         """The object without images; a liquid in a world that hides something as a reconstruction has it."""
         hidden = self._order.hidden
-        if hidden is None or not isinstance(self._task.stage.tool, HeldBowl):
+        if hidden is None or self._task.perception.held is None:
             return self._noisy(self._task.particles(self._cell.nodes(), self._count))
         tip, told = self._cell.tip, self._cell.tool
         nodes = self._cell.nodes()

@@ -31,7 +31,7 @@ def cell(hidden: HiddenWorld | None) -> LockStep:
 
 
 def moved_m(hidden: HiddenWorld | None) -> float:
-    """How far the rope was pushed along x."""
+    """Way of the rope along x."""
     world = cell(hidden)
     before = world.nodes()
     world.execute(approved(PUSH))

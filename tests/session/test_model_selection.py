@@ -91,7 +91,7 @@ async def test_where_cameras_err_the_goal_is_as_they_will_show_it() -> None:
 
 @pytest.mark.parametrize(("shown_m", "reached"), [(0.0, True), (0.02, False)])
 async def test_the_goal_is_reached_where_the_object_truly_is_there(shown_m: float, reached: bool) -> None:
-    """Of cameras that show it 2 cm farther on than it is the model knows that it is not there yet."""
+    """A model of cameras that show it 2 cm farther on knows that it is not there yet."""
     errs = Parameter(name="hand_eye_x", value=shown_m, unit="m", low=shown_m, high=shown_m)
     model = replace(NOMINAL, apparatus=(errs,) if shown_m else (), extension=Extension(camera_m=(0.5, 0.0, 0.6)))
     config = small_wish()

@@ -56,11 +56,11 @@ def build(
     from app.rig.simulated.worlds.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
 
     if intrusion is not None:
-        stage, start = filled(stage, start, intrusion.more)
+        stage, start = fill_bowl(stage, start, intrusion.more)
     return LiquidWorld(stage, start, physics=physics or LIQUID_WORLD, intrusion=intrusion, time_s=time_s)
 
 
-def filled(stage: Stage, start: Nodes, more: float) -> tuple[Stage, Nodes]:
+def fill_bowl(stage: Stage, start: Nodes, more: float) -> tuple[Stage, Nodes]:
     """The stage, and its liquid at rest in the held bowl, where there is more of it by a share of all."""
     if more == 0.0:
         return stage, start

@@ -11,7 +11,7 @@ from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.policy.random_pours import WATER_FURTHER_RAD, beside, pour_design, random_pour
 from app.policy.random_pushes import PushDesign
-from app.rig.simulated.kinds.liquid import filled, liquid_in_bowls
+from app.rig.simulated.kinds.liquid import fill_bowl, liquid_in_bowls
 from app.rig.simulated.testbeds.base import Before, Testbed
 from app.rig.simulated.worlds.effect_injector import Intrusion
 from app.rig.simulated.worlds.liquid_world import LiquidWorld
@@ -59,7 +59,7 @@ class BowlPours(Testbed):
         bowls = liquid_in_bowls(task.stage)
         home = centre_of_bowl(start, bowls.held.radius_m, bowls.liquid.volume_m3)
         begin = _begin(task, home)
-        stage, moved = filled(task.stage, start + (begin[:3] - home), intrusion.more)
+        stage, moved = fill_bowl(task.stage, start + (begin[:3] - home), intrusion.more)
         return LiquidWorld(stage, moved, physics=physics, intrusion=intrusion, time_s=time_s)
 
     def draw_track(
