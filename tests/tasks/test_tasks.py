@@ -86,9 +86,9 @@ def test_what_workers_run_crosses_a_pipe(function: object) -> None:
 @pytest.mark.slow
 def test_a_warmed_up_task_plans_pushes_and_learns_from_the_push() -> None:
     task = load("rope_push")
-    stages = warm_up_stages("rope_push", "cpu")
+    stages = warm_up_stages("rope_push", "cpu", learning=True)
     for index in range(len(stages)):
-        warm_up_stage("rope_push", "cpu", index)
+        warm_up_stage("rope_push", "cpu", index, learning=True)
     assert all(stages)
     table, model = Table(task, 0, 300), nominal_model("rope_push")
     x = table.observe()
