@@ -73,15 +73,18 @@ def _line(found: Descents) -> str:
 
 
 def table(found: list[Descents], gradient_steps: int) -> str:
-    """Mean cost more than that of descent from all branches by `gradient_steps`, and in how many decisions it is so."""
-    branches, most = found[0].cost.shape[1], len(found[0].cost) - 1
-    whole = np.array([each.best(branches, gradient_steps) for each in found])
+    """Mean cost more than that of descent from all branches by half the steps, and in how many decisions it is so.
+
+    That is as much work as `gradient_steps` from half of them, which is what the tree does.
+    """
+    branches, most, half = found[0].cost.shape[1], len(found[0].cost) - 1, -(-gradient_steps // 2)
+    whole = np.array([each.best(branches, half) for each in found])
     lines = ["| branches | steps | work | cost more [mm^2] | standard error | worse | better |", "|" + "---|" * 7]
     for count in sorted({branches, -(-branches // 2), -(-branches // 4), -(-branches // 8)}, reverse=True):
-        for steps in sorted({-(-gradient_steps // 2), gradient_steps, min(2 * gradient_steps, most), most}):
+        for steps in sorted({half, gradient_steps, most}):
             more = 1e6 * (np.array([each.best(count, steps) for each in found]) - whole)
             error = more.std(ddof=1) / np.sqrt(len(more)) if len(more) > 1 else np.nan
-            work = count * steps / (branches * gradient_steps)
+            work = count * steps / (branches * half)
             lines.append(
                 f"| {count} | {steps} | {work:.2f} | {more.mean():.1f} | {error:.1f} "
                 f"| {(more > _SAME_MM2).sum()} | {(more < -_SAME_MM2).sum()} |"

@@ -83,6 +83,12 @@ def test_what_workers_run_crosses_a_pipe(function: object) -> None:
     assert pickle.loads(pickle.dumps(function)) is function
 
 
+def test_what_learns_elsewhere_is_not_waited_for() -> None:
+    planning, both = (warm_up_stages("rope_push", "cpu", learning=learning) for learning in (False, True))
+    assert both[: len(planning)] == planning
+    assert len(both) == len(planning) + 1
+
+
 @pytest.mark.slow
 def test_a_warmed_up_task_plans_pushes_and_learns_from_the_push() -> None:
     task = load("rope_push")
