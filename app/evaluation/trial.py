@@ -130,8 +130,9 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         play_on=trial.play_on,
         hidden=hidden,
     )
-    for stage in range(len(worker_api.warm_up_stages(trial.task, trial.preset, model, method))):
-        worker_api.warm_up_stage(trial.task, trial.preset, stage, model, method)
+    learning = trial.follows
+    for stage in range(len(worker_api.warm_up_stages(trial.task, trial.preset, model, method, learning=learning))):
+        worker_api.warm_up_stage(trial.task, trial.preset, stage, model, method, learning=learning)
     played = play(order, site=Site())
     return asdict(trial) | {
         "policies": str(trial.policies) if trial.policies and method.policy else None,

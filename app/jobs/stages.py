@@ -27,9 +27,18 @@ class CompileStep:
 
 
 def stages(
-    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
+    task: str,
+    preset: str,
+    model: Model | None = None,
+    method: Method = DIPAC,
+    confines: Confines = ANYWHERE,
+    *,
+    learning: bool = False,
 ) -> list[CompileStep]:
-    """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
+    """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it.
+
+    Where models are learned in another process, that compiles what it needs while the first plan is made.
+    """
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
     phi = phi_of(model or nominal_model(task))
@@ -41,7 +50,8 @@ def stages(
         )
         calibrator(task, preset, FitSettings(), fitted).predictor.compile(fitted, example)
 
-    return [
-        CompileStep("the simulator and its adjoint", simulator),
-        CompileStep("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
-    ]
+    plans = CompileStep(
+        "the simulator and the planner's search",
+        lambda: planner(task, preset, phi, method, confines).compile(x, phi),
+    )
+    return [plans, CompileStep("the calibration", simulator)] if learning else [plans]

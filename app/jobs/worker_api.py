@@ -254,15 +254,22 @@ def correction_of(model: Model) -> Correction | None:
 
 
 def warm_up_stages(
-    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, site: Site | None = None
+    task: str,
+    preset: str,
+    model: Model | None = None,
+    method: Method = DIPAC,
+    site: Site | None = None,
+    *,
+    learning: bool = False,
 ) -> list[str]:
     """Descriptions of the compilation steps before the first decision, in order, for people who wait.
 
-    The nominal model is used if none is given.
+    The nominal model is used if none is given. `learning`: the process is to `update` models, too, which compiles more.
     """
     from app.jobs.stages import stages
 
-    return [stage.name for stage in stages(task, preset, model, method, (site or Site()).limits.confines)]
+    confines = (site or Site()).limits.confines
+    return [stage.name for stage in stages(task, preset, model, method, confines, learning=learning)]
 
 
 def warm_up_stage(
@@ -272,8 +279,10 @@ def warm_up_stage(
     model: Model | None = None,
     method: Method = DIPAC,
     site: Site | None = None,
+    *,
+    learning: bool = False,
 ) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
     from app.jobs.stages import stages
 
-    stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()
+    stages(task, preset, model, method, (site or Site()).limits.confines, learning=learning)[index].run()

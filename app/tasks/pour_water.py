@@ -127,7 +127,7 @@ TASK = Task(
     hard=_hard,
     presets=MappingProxyType(
         {
-            "cpu": Preset(branches=8, depth=2, particle_count=PARTICLES, gradient_steps=3),
+            "cpu": Preset(branches=8, depth=2, particle_count=PARTICLES, gradient_steps=5),
             "gpu": Preset(branches=16, depth=4, particle_count=PARTICLES, gradient_steps=8),
         }
     ),

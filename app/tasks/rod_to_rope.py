@@ -153,7 +153,7 @@ TASK = Task(
         ROPE,
         FINGER,
         {
-            "cpu": Preset(branches=32, depth=1, particle_count=180, gradient_steps=6),
+            "cpu": Preset(branches=32, depth=1, particle_count=180, gradient_steps=12),
             "gpu": Preset(branches=64, depth=3, particle_count=1200, gradient_steps=10),
         },
         walls=Wall.with_gap(WALL.x_m, WALL.gap_m, WALL.reach_m, WALL.thickness_m),

@@ -112,7 +112,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
             rope,
             finger,
             {
-                "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
+                "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=16),
                 "gpu": Preset(branches=64, depth=3, particle_count=2000, gradient_steps=10),
             },
         ),

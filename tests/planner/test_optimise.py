@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.planner.search.cost import Terms
-from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
+from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend, descend_from_cheapest
 from app.planner.search.tree import Rollout
 
 DESCENT = OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5)
@@ -94,3 +94,46 @@ def test_the_scale_of_the_cost_does_not_matter(factor: float) -> None:
     start = jnp.zeros((1, 1, 3))
     scaled = run(lambda a: rollout(a, factor * bowl(a).cost), start)
     assert scaled.best.cost[0] / factor < 0.8 * bowl(start).cost[0]
+
+
+def from_cheapest(evaluate, start: jnp.ndarray, count: int, steps: int = 5) -> OptimizedRollouts:
+    def run(start: jnp.ndarray) -> OptimizedRollouts:
+        return descend_from_cheapest(evaluate, start, count=count, steps=steps, descent=DESCENT, scale=SCALE)
+
+    return jax.jit(run)(start)
+
+
+def test_the_cheapest_descend_as_if_they_were_alone_and_the_others_stay_as_they_are() -> None:
+    start = jnp.asarray(np.random.default_rng(2).normal(size=(5, 2, 3)), jnp.float32)
+    cost = np.asarray(bowl(start).cost)
+    cheapest, others = np.argsort(cost)[:2], np.argsort(cost)[2:]
+    found, alone = from_cheapest(bowl, start, 2), run(bowl, start[cheapest])
+    for mine, its in zip(jax.tree.leaves(found.best), jax.tree.leaves(alone.best), strict=True):
+        np.testing.assert_allclose(mine[cheapest], its, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(found.iterates[:, cheapest], alone.iterates, rtol=1e-5)
+    np.testing.assert_array_equal(found.best.actions[others], start[others])
+    np.testing.assert_allclose(found.iterates[:, others], np.tile(cost[others], (6, 1)), rtol=1e-6)
+    np.testing.assert_allclose(found.cost_before, cost, rtol=1e-6)
+    assert found.finite.all()
+    assert not found.lost_gradients.any()
+
+
+def test_what_may_not_be_made_or_is_not_finite_is_not_among_the_cheapest() -> None:
+    def partly_broken(actions: jnp.ndarray) -> Rollout:
+        x = actions[:, 0, 0]
+        cost = jnp.where(x == 1.0, jnp.nan, bowl(actions).cost)
+        return rollout(actions, cost, allowed=x != 0.75)
+
+    start = jnp.zeros((4, 1, 3)).at[:, 0, 0].set(jnp.array([0.75, 1.0, -2.0, 0.25]))
+    found = from_cheapest(partly_broken, start, 2)
+    moved = np.abs(np.asarray(found.best.actions - start)).max((1, 2)) > 0
+    assert moved.tolist() == [False, False, True, True]
+    assert found.finite.tolist() == [True, False, True, True]
+
+
+@pytest.mark.parametrize(("count", "steps"), [(3, 5), (4, 5), (2, 0)])
+def test_from_all_of_them_or_without_steps_it_is_descent_itself(count: int, steps: int) -> None:
+    start = jnp.asarray(np.random.default_rng(3).normal(size=(3, 1, 3)), jnp.float32)
+    found, expected = from_cheapest(bowl, start, count, steps), run(bowl, start, steps)
+    for mine, its in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_array_equal(mine, its)

@@ -72,7 +72,9 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
     def planner(task: str, preset: str, phi: np.ndarray, method: Method, kept_out: tuple[KeepOut, ...]) -> Strokes:
         return strokes
 
-    def stages(task: str, preset: str, model: Model, method: Method, kept_out: tuple[KeepOut, ...]) -> list[object]:
+    def stages(
+        task: str, preset: str, model: Model, method: Method, kept_out: tuple[KeepOut, ...], *, learning: bool
+    ) -> list[object]:
         compiling = SimpleNamespace(name="strokes", run=lambda: None)
         return [compiling] if habits.compiling_s else []
 

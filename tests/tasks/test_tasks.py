@@ -83,12 +83,18 @@ def test_what_workers_run_crosses_a_pipe(function: object) -> None:
     assert pickle.loads(pickle.dumps(function)) is function
 
 
+def test_what_learns_elsewhere_is_not_waited_for() -> None:
+    planning, both = (warm_up_stages("rope_push", "cpu", learning=learning) for learning in (False, True))
+    assert both[: len(planning)] == planning
+    assert len(both) == len(planning) + 1
+
+
 @pytest.mark.slow
 def test_a_warmed_up_task_plans_pushes_and_learns_from_the_push() -> None:
     task = load("rope_push")
-    stages = warm_up_stages("rope_push", "cpu")
+    stages = warm_up_stages("rope_push", "cpu", learning=True)
     for index in range(len(stages)):
-        warm_up_stage("rope_push", "cpu", index)
+        warm_up_stage("rope_push", "cpu", index, learning=True)
     assert all(stages)
     table, model = Table(task, 0, 300), nominal_model("rope_push")
     x = table.observe()

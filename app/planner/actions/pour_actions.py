@@ -1,8 +1,10 @@
 """Actions of a held bowl: one velocity and rate of turning for a while, from where it is, and then a rest."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias, final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64
@@ -73,7 +75,7 @@ class Pours:
         balls = [_in_ball(rng, count, radius) for radius in (self.max_shift_m, self.max_turn_rad)]
         actions = jnp.asarray(np.concatenate(balls, axis=1), jnp.float32)
         now = PlanningState.at_rest(jnp.tile(jnp.asarray(x)[None, :1], (count, 1, 1)), tool)
-        return np.asarray(self.project(actions, now))
+        return np.array(_project(self, actions, now))
 
     def project(self, actions: Float[Array, "B A"], now: PlanningState) -> Float[Array, "B A"]:
         """Shift and turn no longer than allowed; of the turn as much as does not tilt too far; an end in the box."""
@@ -150,6 +152,11 @@ class Pours:
         return (time - np.sin(2 * np.pi * time) / (2 * np.pi)).astype(np.float32)
 
 
+@partial(jax.jit, static_argnums=0)  # Outside of a program, each of its operations would be compiled apart.
+def _project(space: Pours, actions: Float[Array, "B 6"], now: PlanningState) -> Float[Array, "B 6"]:
+    return space.project(actions, now)
+
+
 def tilt(turn: Float[Array, "*batch 4"]) -> Float[Array, "*batch"]:
     """The angle [rad] between up and the axis of a bowl on a tool that is turned so."""
     up = up_of(turn)
@@ -168,6 +175,7 @@ def from_upright(turn: Float[Array, "*batch 4"]) -> Float[Array, "*batch 4"]:
     return jnp.stack([x, -w, -z, y], axis=-1)
 
 
+@jax.jit
 def _turn(by: Float[Array, "*#batch 3"], turn: Float[Array, "*#batch 4"]) -> Float[Array, "*both 4"]:
     """`turn`, and then the rotation vector `by` [rad] about the world's axes."""
     angle = jnp.sqrt((by**2).sum(-1, keepdims=True) + _STILL)

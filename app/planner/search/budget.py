@@ -3,7 +3,7 @@
 from math import ceil
 from typing import NamedTuple
 
-from app.planner.search.tree import TreeConfig
+from app.planner.search.tree import TreeConfig, descended_count
 
 SLOPE_ROLLOUTS = 6
 """A rollout with its gradient takes at most as long as so many without: 5.5 on two CPU cores, 2.5 on a GPU
@@ -13,10 +13,10 @@ SLOPE_ROLLOUTS = 6
 def tree_rollouts(search: TreeConfig, gradient_steps: int) -> int:
     """Rollouts of the paper's tree for a decision: of one candidate over the whole depth, forwards only.
 
-    Every branch is grown by the policy once (all but the last of its actions; counted as all), differentiated once a
-    gradient step, and simulated once more at the end.
+    Every branch is grown by the policy once (all but the last of its actions; counted as all) and simulated once; those
+    that are descended from are differentiated once a gradient step, and simulated once more at the end.
     """
-    return search.branches * (2 + SLOPE_ROLLOUTS * gradient_steps)
+    return 2 * search.branches + descended_count(search) * (1 + SLOPE_ROLLOUTS * gradient_steps)
 
 
 def generation_rollouts(gradient_steps: int) -> int:

@@ -15,7 +15,7 @@ from app.planner.search.tree import Rollout
 TreeT = TypeVar("TreeT")
 
 Evaluate = Callable[[Float[Array, "B D A"]], Rollout]
-"""A differentiable simulation of all candidates, as many as it was made for; the cost of each depends on its own
+"""A differentiable simulation of candidates, as many as it was made for or fewer; the cost of each depends on its own
 actions (in the action space's units) alone. To simulate one more, put it in the place of another."""
 
 
@@ -134,6 +134,34 @@ def descend(
     last = evaluate(trial.actions)
     best = select(_better(last, climber.best), last, climber.best)
     return OptimizedRollouts(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
+
+
+def descend_from_cheapest(
+    evaluate: Evaluate,
+    actions: Float[Array, "B D A"],
+    *,
+    count: int,
+    steps: int,
+    descent: OptimizerConfig,
+    scale: Float32[np.ndarray, " A"],
+) -> OptimizedRollouts:
+    """`descend` from the `count` candidates that cost least as they are; the others stay so, simulated once."""
+    if not steps or count >= len(actions):
+        return descend(evaluate, actions, steps=steps, descent=descent, scale=scale)
+    all_ = evaluate(actions)
+    chosen = jnp.argsort(all_.masked_cost)[:count]
+    found = descend(evaluate, actions[chosen], steps=steps, descent=descent, scale=scale)
+
+    def placed(mine: Array, its: Array) -> Array:
+        return mine.at[chosen].set(its)
+
+    return OptimizedRollouts(
+        best=jax.tree.map(placed, all_, found.best),
+        cost_before=placed(all_.cost, found.cost_before),
+        iterates=jnp.tile(all_.cost, (len(found.iterates), 1)).at[:, chosen].set(found.iterates),
+        lost_gradients=jnp.zeros(len(actions), jnp.int32).at[chosen].set(found.lost_gradients),
+        finite=placed(all_.finite, found.finite),
+    )
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:

@@ -18,10 +18,10 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, descend
+from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, descend_from_cheapest
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
-from app.planner.search.tree import TreeConfig, continues, roll_out, simulate, start
+from app.planner.search.tree import Rollout, TreeConfig, continues, descended_count, first_of, roll_out, simulate, start
 from app.policy.base import PARKED_POSE, PlanningState
 
 _AGAIN_M = 0.02
@@ -51,7 +51,8 @@ class Plan:
 class TreePlanner:
     """The paper's planner. What is heavy are two compiled functions, each of all branches at once.
 
-    `optimise`: another way to better the branches, instead of descent.
+    Descent begins from the cheaper half of the branches, as many as `descended_count` says: no other has become the
+    best (docs/results.md, "Decisions on two CPU cores"). `optimise`: another way to better all branches, instead.
     """
 
     search: TreeConfig
@@ -92,10 +93,17 @@ def _descend(
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> OptimizedRollouts:
-    evaluate, scale = partial(simulate, planner.search, phi, now, goal), planner.search.space.scale()
+    scale, count = planner.search.space.scale(), descended_count(planner.search)
+
+    def evaluate(actions: Float[Array, "K D A"]) -> Rollout:
+        few, here = first_of((phi, now), len(actions))
+        return simulate(planner.search, few, here, goal, actions)
+
     if planner.optimise is not None:
         return planner.optimise(evaluate, actions, scale)
-    return descend(evaluate, actions, steps=planner.gradient_steps, descent=planner.descent, scale=scale)
+    return descend_from_cheapest(
+        evaluate, actions, count=count, steps=planner.gradient_steps, descent=planner.descent, scale=scale
+    )
 
 
 def choose(

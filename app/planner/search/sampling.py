@@ -18,7 +18,7 @@ from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, desc
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import compile_film, film
-from app.planner.search.tree import Rollout, RootBatch, TreeConfig, simulate, start
+from app.planner.search.tree import Rollout, RootBatch, TreeConfig, first_of, simulate, start
 from app.planner.search.updates import Gaussian, Update
 from app.policy.base import PlanningState
 
@@ -108,11 +108,7 @@ class SamplingPlanner:
 
 def _first(begun: RootBatch, count: int) -> tuple[Float[Array, "K P"], PlanningState]:
     """Model and situation of so many branches."""
-
-    def head(leaf: Array) -> Array:
-        return leaf[:count]
-
-    return begun.phi[:count], jax.tree.map(head, begun.now)
+    return first_of((begun.phi, begun.now), count)
 
 
 def _key(seed: int) -> PRNGKeyArray:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol, TypeVar, final
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,8 @@ from app.planner.search.request import PlanRequest
 from app.policy.base import PARKED_POSE, PlanningState, Policy, Prepared, StatefulPolicy
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State
+
+TreeT = TypeVar("TreeT")
 
 Advance = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"]], ObjectState]
 """The simulator: parameters, state before, tool path -> state after."""
@@ -127,6 +129,20 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     )
 
 
+def descended_count(search: TreeConfig) -> int:
+    """Number of branches that are descended from: half of them, rounded up."""
+    return -(-search.branches // 2)
+
+
+def first_of(candidates: TreeT, count: int) -> TreeT:
+    """The first `count` of arrays of candidates."""
+
+    def head(leaf: Array) -> Array:
+        return leaf[:count]
+
+    return jax.tree.map(head, candidates)
+
+
 def continues(search: TreeConfig, request: PlanRequest) -> bool:
     """True if a branch, the last, begins with the remainder of the plan before."""
     return request.remainder is not None and search.branches > search.guided
@@ -198,7 +214,7 @@ def simulate(
     terms = Terms(*jnp.zeros((3, len(phi))))
     allowed = jnp.ones(len(phi), bool)
     for step in range(search.depth):
-        made = _made(search, phi, seen[-1], goal, actions[:, step])
+        made = _make_step(search, phi, seen[-1], goal, actions[:, step])
         taken.append(made.action)
         allowed &= made.allowed
         terms = terms.plus(made.terms, search.weights.discount**step)
@@ -224,7 +240,7 @@ class _Step(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=0)
-def _made(
+def _make_step(
     search: TreeConfig,
     phi: Float[Array, "B P"],
     now: PlanningState,
