@@ -119,9 +119,9 @@ def percent(share: float) -> str:
     """A probability: never quite 0 or 100 %."""
     if not math.isfinite(share):
         return NOTHING
-    if 0 < share < 0.01:
+    if 0 <= share < 0.01:
         return "< 1 %"
-    return "> 99 %" if 0.99 < share < 1 else f"{decimal(100 * share, 0)} %"
+    return "> 99 %" if 0.99 < share <= 1 else f"{decimal(100 * share, 0)} %"
 
 
 def gain_and_interval(value: float, low: float, high: float) -> str:

@@ -66,7 +66,7 @@ def test_a_number_without_an_interval_is_still_shown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "said"), [(0.0, "0 %"), (0.004, "< 1 %"), (0.5, "50 %"), (0.996, "> 99 %"), (1.0, "100 %")]
+    ("share", "said"), [(0.0, "< 1 %"), (0.004, "< 1 %"), (0.5, "50 %"), (0.996, "> 99 %"), (1.0, "> 99 %")]
 )
 def test_a_probability_is_never_rounded_to_certainty(share: float, said: str) -> None:
     assert words.percent(share) == said
