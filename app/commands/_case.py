@@ -1,4 +1,4 @@
-"""Results of `dipac discover`, read from their folder for the console: verdict, model, and suggested push."""
+"""Results of `dipac discover`, read from their folder for the console: verdict, model, and suggested motion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ _UNKNOWN = float("nan")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiscoveryResults:
-    """Results of a discovery. `asked`: the suggested next push as a motion of the tool, if it is a push or a sweep."""
+    """Results of a discovery. `asked`: the suggested next motion of the tool."""
 
     verdict: Verdict
     asked: tuple[Motion, ...]
@@ -83,17 +83,12 @@ def _heldout_error_share(heldout: "HeldoutEntry") -> float:
 
 
 def _push_motions(push: "NextPushEntry", task: str, site: Site) -> tuple[Motion, ...]:
-    """The push or sweep as a motion; none where it is a carry or a pour, which is told in words alone."""
+    """The suggested motion of the tool, as one that the arm can make."""
     import numpy as np
 
     from app.core.geometry.track import Track
-    from app.jobs.suggested_push import motion_of
-    from app.planner.actions.actions import Pushes
-    from app.planner.actions.sweep_actions import Sweeps
+    from app.jobs.suggestions.plan import motion_of
     from app.tasks import load
 
-    actions = load(task).actions
-    if not isinstance(actions, Pushes | Sweeps):
-        return ()
     track = Track(times_s=np.array(push.track.times_s, float), poses=np.array(push.track.poses, float))
-    return (motion_of(track, actions, site),)
+    return (motion_of(track, load(task).actions, site),)

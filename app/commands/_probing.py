@@ -138,7 +138,7 @@ class ProbedCell:
 
     def _aim_push(self, track: Track, seen: ProjectionView) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
-        from app.jobs.suggested_push import aim_at
+        from app.jobs.suggestions.strokes import aim_at
         from app.planner.actions.actions import Pushes
 
         assert isinstance(self._task.actions, Pushes)

@@ -183,11 +183,11 @@ def scene(
 
 def probe_motion(task: Task, track: Track, site: Site) -> Motion:
     """A chosen push as a motion that the gate can check."""
-    from app.jobs.suggested_push import motion_of
+    from app.jobs.suggestions.strokes import stroke_along
     from app.planner.actions.actions import Pushes
 
     assert isinstance(task.actions, Pushes)
-    return motion_of(track, task.actions, site)
+    return stroke_along(track, task.actions, site)
 
 
 def refusal(motion: Motion, site: Site) -> str:

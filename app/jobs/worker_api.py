@@ -27,6 +27,7 @@ _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
 if TYPE_CHECKING:
     from app.calibration.fit import FitSettings
     from app.core.messages import Model, Parameter, Transition
+    from app.core.motion import Motion
     from app.core.types import Centreline, Points, ToolPose
     from app.jobs.apparatus_compensation import Correction
     from app.jobs.jit_cache import Calibrated
@@ -88,6 +89,30 @@ def plan(
 
         true = allowed_for.true_request(request) if allowed_for else request
         raise PlanningError(f"{error}{failures.of_plan(task, search, true)}") from None
+
+
+def plan_of_suggestion(
+    task: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    asked: Motion,
+    site: Site | None = None,
+    near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
+    tool: ToolPose | None = None,
+) -> Plan | str:
+    """`asked`, a motion that discovery asks for, as a plan of one branch for the object at `observed` (N, 3) [m].
+
+    A push or a sweep keeps its direction, length and speed, and is moved to where the object is; a carry or a pour
+    begins at the pose of the `tool`, which holds the object. Where it cannot begin yet, what it waits for is returned
+    instead. The rest is as of `plan`. Raises PlanningError where the motion fits nowhere.
+    """
+    from app.jobs.suggestions.plan import SuggestedPlanner
+
+    return SuggestedPlanner(task=task, model=model, goal=goal, site=site or Site(), tool=tool).plan(
+        asked, observed, near, orientation
+    )
 
 
 def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:

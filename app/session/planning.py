@@ -160,7 +160,7 @@ class Planning:
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
-                found = await self._asking.plan(observed, goal, model, *lies) or await self._planner.run(
+                found = await self._asking.plan(observed, goal, model, *lies, tool) or await self._planner.run(
                     *(plan, config.task.name, config.preset, x, goal, model, seed, self._site, tool, config.method),
                     *(self._rejected, *lies, remainder),
                 )

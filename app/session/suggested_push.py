@@ -1,4 +1,4 @@
-"""Pushes that are not the planner's: those that a discovery asks for, and those that an experiment chooses."""
+"""Motions that are not the planner's: those that a discovery asks for, and pushes that an experiment chooses."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,9 +15,9 @@ from app.core.geometry.track import Track
 from app.core.messages import Model, Particles, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Clock, Computer
-from app.core.types import Centreline, Points
+from app.core.types import Centreline, Points, ToolPose
 from app.jobs.probed import Chosen, Weighed, belief_after, chosen_motion, experiment_refusal
-from app.jobs.suggested_push import plan_of_suggestion
+from app.jobs.worker_api import plan_of_suggestion
 from app.session.perception_stage import Sensing
 from app.tasks.elements.base import EpisodeConfig, Experiment
 
@@ -136,7 +136,7 @@ class Probing:
 
 @final
 class Asking:
-    """Makes plans of the episode's pushes, and of those that `probing` chooses.
+    """Makes plans of the motions that the episode asks for, and of the pushes that `probing` chooses.
 
     Like any plan they are shown, approved and checked before the arm moves.
     """
@@ -147,10 +147,12 @@ class Asking:
         self._task, self._site = config.task.name, site
         self._announcer, self._planner = announcer, planner
         self._motions, self._probing = config.asked, probing
+        self._offered, self._awaited = False, ""
 
     def drop_offered(self) -> None:
-        """The one that was offered has been decided on, and is not offered again."""
-        self._motions = self._motions[1:]
+        """The one that was offered, if any was, has been decided on, and is not offered again."""
+        if self._offered:
+            self._motions, self._offered = self._motions[1:], False
 
     async def plan(
         self,
@@ -159,32 +161,49 @@ class Asking:
         model: Model,
         near: Centreline | None = None,
         orientation: Orientation = UNKNOWN,
+        tool: ToolPose | None = None,
     ) -> "Plan | None":
-        """The next push, aimed at where the object is now; None where none is asked for, or it does not fit here.
+        """The next motion, for the object and the tool as they are now.
 
-        Raises PlanningError where an experiment finds no push.
+        None where none is asked for, it does not fit here, or it cannot begin yet. Raises PlanningError where an
+        experiment finds no push.
         """
-        asked, x = self._motions[:1], observed.positions
+        asked, x, self._offered = self._motions[:1], observed.positions, False
         motion = asked[0] if asked else await self._probing.motion(observed)
         if motion is None:
             return None
         try:
             found = await self._planner.run(
-                plan_of_suggestion, self._task, x, goal, model, motion, self._site, near, orientation
+                *(plan_of_suggestion, self._task, x, goal, model, motion, self._site, near, orientation, tool)
             )
         except (PlanningError, WorkerError) as error:
-            self.drop_offered()
-            self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")
+            self._motions = self._motions[1:]
+            self._announcer.notice("discovery", f"The motion that discovery asks for cannot be offered: {error}")
             return None
+        if isinstance(found, str):
+            self._wait_for(found)
+            return None
+        self._offered, self._awaited = True, ""
         self._announcer.notice("discovery", _about(motion, found.motion))
         return found
+
+    def _wait_for(self, until: str) -> None:
+        """Say, once, what has to be before the motion is offered; until then plans are made as usual."""
+        if until != self._awaited:
+            self._announcer.notice("discovery", f"The motion that discovery asks for is offered once {until}.")
+        self._awaited = until
 
 
 def _about(wanted: Motion, offered: Motion) -> str:
     apart_m = float(np.linalg.norm((offered.positions[0] - wanted.positions[0])[:2]))
     if apart_m < _MOVED_M:
-        return "Offered: the push that discovery asks for, as it asks for it."
+        return "Offered: the motion that discovery asks for, as it asks for it."
+    if offered.continues:
+        return (
+            f"Offered: the motion that discovery asks for, begun {apart_m * 1e3:.0f} mm from where it was drawn, where "
+            "the tool is now, and turned with it."
+        )
     return (
-        f"Offered: the push that discovery asks for, moved by {apart_m * 1e3:.0f} mm to where the object lies now. Its "
-        "direction, length and speed are as asked."
+        f"Offered: the motion that discovery asks for, moved by {apart_m * 1e3:.0f} mm to where the object lies now. "
+        "Its direction, length and speed are as asked."
     )

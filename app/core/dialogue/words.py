@@ -77,9 +77,9 @@ def change(before: float, after: float) -> str:
 
 
 def origin(proposal: Proposal) -> str:
-    """Kind of the chosen branch, of how many; or a note that the push was requested."""
+    """Kind of the chosen branch, of how many; or a note that the motion was requested."""
     if proposal.chosen.origin == "asked":
-        return "the push that discovery asks for"
+        return "the motion that discovery asks for"
     if proposal.chosen.origin == "start":
         return "the way to the start pose"
     if proposal.chosen.origin == "shown":

@@ -116,6 +116,10 @@ class Carries:
         places = self._waypoints(actions, now.tool)[:, 1:, :3]
         return jnp.abs(places - self._free(places)).max((1, 2)) <= _EXACT_M
 
+    def contains(self, places: Float64[np.ndarray, "W 3"]) -> bool:
+        """True if all places [m] are inside the bounds and clear of the rack."""
+        return bool(jnp.abs(places - self._free(jnp.asarray(places))).max() <= _EXACT_M)
+
     def scale(self) -> Float32[np.ndarray, " A"]:
         """Scale of a displacement and of an opening."""
         return np.tile(np.array([*[self.displacement_scale_m] * 3, self.opening_scale_m], np.float32), self.moves)

@@ -92,6 +92,10 @@ class Pours:
         end = now.tool[:, :3] + actions[:, :3]
         return jnp.all((end >= jnp.asarray(self.low) - _EDGE_M) & (end <= jnp.asarray(self.high) + _EDGE_M), axis=-1)
 
+    def contains(self, places: Float64[np.ndarray, "W 3"]) -> bool:
+        """True if all places [m] are in the box."""
+        return bool(((places >= np.array(self.low) - _EDGE_M) & (places <= np.array(self.high) + _EDGE_M)).all())
+
     def scale(self) -> Float32[np.ndarray, " A"]:
         """A centimetre and a few degrees."""
         return np.repeat(np.array([self.shift_scale_m, self.turn_scale_rad], np.float32), 3)

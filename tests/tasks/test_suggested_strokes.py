@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.errors import PlanningError, UsageError
+from app.core.errors import PlanningError
 from app.core.geometry.track import Track
-from app.jobs.suggested_push import aim_at, motion_of, plan_of_suggestion
-from app.jobs.worker_api import nominal_model
+from app.jobs.suggestions.strokes import aim_at, stroke_along
+from app.jobs.worker_api import nominal_model, plan_of_suggestion
 from app.planner.actions.actions import Pushes
 from app.planner.actions.sweep_actions import Sweeps
 from app.policy.random_pushes import PushDesign, random_track
@@ -29,7 +29,7 @@ def track(seed: int) -> Track:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_track_becomes_a_motion_along_the_same_way_at_the_same_speed(seed: int) -> None:
     wanted = track(seed)
-    motion = motion_of(wanted, PUSHES, SITE)
+    motion = stroke_along(wanted, PUSHES, SITE)
     low = wanted.positions[wanted.positions[:, 2] < 0.0065]
     apart = np.linalg.norm(motion.positions[1:-1, None, :2] - low[None, :, :2], axis=2).min(1)
     assert apart.max() < 0.005
@@ -40,13 +40,13 @@ def test_a_track_becomes_a_motion_along_the_same_way_at_the_same_speed(seed: int
 
 
 def test_a_push_that_fits_is_left_where_it_is() -> None:
-    motion = motion_of(track(1), PUSHES, SITE)
+    motion = stroke_along(track(1), PUSHES, SITE)
     assert aim_at(motion, rope(), PUSHES, SITE).digest() == motion.digest()
 
 
 @pytest.mark.parametrize("shift", [(0.08, 0.05), (-0.1, -0.08), (0.0, 0.02)])
 def test_a_push_follows_an_object_that_lies_elsewhere(shift: tuple[float, float]) -> None:
-    motion = motion_of(track(1), PUSHES, SITE)
+    motion = stroke_along(track(1), PUSHES, SITE)
     x = rope() + np.float32([*shift, 0.0])
     found = aim_at(motion, x, PUSHES, SITE)
     np.testing.assert_allclose(np.diff(found.positions, axis=0), np.diff(motion.positions, axis=0), atol=1e-12)
@@ -58,15 +58,16 @@ def test_a_push_follows_an_object_that_lies_elsewhere(shift: tuple[float, float]
 
 
 def test_a_push_that_fits_nowhere_says_so() -> None:
-    motion = motion_of(track(1), PUSHES, SITE)
+    motion = stroke_along(track(1), PUSHES, SITE)
     long = replace(motion, positions=motion.positions * [8.0, 8.0, 1.0])
     with pytest.raises(PlanningError, match="move the object towards the middle"):
         aim_at(long, rope(), PUSHES, SITE)
 
 
 def test_the_plan_of_an_asked_push_is_simulated_and_of_one_branch() -> None:
-    motion = motion_of(track(1), PUSHES, SITE)
+    motion = stroke_along(track(1), PUSHES, SITE)
     found = plan_of_suggestion("rope_push", rope(), rope(0.05), nominal_model("rope_push"), motion)
+    assert not isinstance(found, str)
     assert [branch.origin for branch in found.branches] == ["asked"]
     assert found.motion.digest() == motion.digest()
     assert np.linalg.norm(found.predicted - rope(), axis=1).max() > 0.01
@@ -93,7 +94,7 @@ def sweep(seed: int) -> Track:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sweep_becomes_a_motion_with_the_paddle_across_its_way_at_its_own_speed(seed: int) -> None:
     wanted = sweep(seed)
-    motion = motion_of(wanted, SWEEPS, SITE)
+    motion = stroke_along(wanted, SWEEPS, SITE)
     low = wanted.positions[wanted.positions[:, 2] < SWEEPS.height_m + 1e-4]
     np.testing.assert_allclose(motion.positions[[1, 2], :2], low[[0, -1], :2], atol=1e-6)
     way, turn = motion.positions[2] - motion.positions[1], motion.turns[1]
@@ -105,17 +106,12 @@ def test_a_sweep_becomes_a_motion_with_the_paddle_across_its_way_at_its_own_spee
 
 @pytest.mark.parametrize("seed", range(2, 5))
 def test_a_sweep_follows_beans_that_lie_elsewhere_and_takes_some_along(seed: int) -> None:
-    motion, x = motion_of(sweep(0), SWEEPS, SITE), beans(seed)
+    motion, x = stroke_along(sweep(0), SWEEPS, SITE), beans(seed)
     found = aim_at(motion, x, SWEEPS, SITE)
     np.testing.assert_allclose(np.diff(found.positions, axis=0), np.diff(motion.positions, axis=0), atol=1e-12)
     np.testing.assert_array_equal(found.turns, motion.turns)
     plan = plan_of_suggestion("bean_sweep", x, BEANS.goal(seed, COUNT), nominal_model("bean_sweep"), motion)
+    assert not isinstance(plan, str)
     assert plan.motion.digest() == found.digest()
     assert plan.branches[0].tool_path.shape[1] == 3
     assert np.linalg.norm(plan.predicted - x, axis=1).max() > 0.01
-
-
-def test_what_is_neither_pushed_nor_swept_is_refused() -> None:
-    motion = motion_of(sweep(0), SWEEPS, SITE)
-    with pytest.raises(UsageError, match="pour_water has none"):
-        plan_of_suggestion("pour_water", beans(1), beans(1), nominal_model("pour_water"), motion)

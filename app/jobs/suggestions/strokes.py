@@ -1,4 +1,4 @@
-"""A suggested push or sweep as a plan: aimed at the object's present position, and simulated as any other."""
+"""A suggested push or sweep as a motion, aimed at the object's present position."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.config import Site
-from app.core.errors import PlanningError, UsageError
-from app.core.geometry.chamfer import chamfer_m2
+from app.core.errors import PlanningError
 from app.core.geometry.finger_distance import nearest_m
-from app.core.geometry.orientation import UNKNOWN, Orientation
-from app.core.messages import Branch
 from app.core.motion import Motion
 from app.policy.random_pushes import Stroke
 from app.policy.random_sweeps import clearance_m
@@ -21,11 +18,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float64, Int
 
     from app.core.geometry.track import Track
-    from app.core.messages import Model
-    from app.core.types import Centreline, Points
+    from app.core.types import Points
     from app.planner.actions.actions import Pushes
     from app.planner.actions.sweep_actions import Sweeps
-    from app.planner.search.plan import Plan
 
 _WAYPOINTS = 20
 _SLOWEST_M_S = 1e-3
@@ -37,7 +32,7 @@ _STILL_M, _LOW_M = 1e-5, 1e-3
 """A tool that moves less than this between two moments stands; one that is this far above its lowest is down."""
 
 
-def motion_of(track: Track, actions: Pushes | Sweeps, site: Site) -> Motion:
+def stroke_along(track: Track, actions: Pushes | Sweeps, site: Site) -> Motion:
     """A recorded way of the tool as a motion: down, the way itself at its own speed, and up.
 
     A finger is not turned, a paddle is across its way, which is straight. No faster and no higher than the site allows.
@@ -65,72 +60,6 @@ def motion_of(track: Track, actions: Pushes | Sweeps, site: Site) -> Motion:
     speeds = np.full(len(positions), speed)
     speeds[[0, 1, -1]] = actions.approach_m_s
     return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
-
-
-def plan_of_suggestion(
-    task: str,
-    observed: Points,
-    goal: Points,
-    model: Model,
-    asked: Motion,
-    site: Site | None = None,
-    near: Centreline | None = None,
-    orientation: Orientation = UNKNOWN,
-) -> Plan:
-    """`asked` as a plan of one branch for the object that the cameras say is at `observed` (N, 3) [m].
-
-    The push keeps its direction, length and speed, and is moved to where the object is. What the model says of cameras
-    and arm is allowed for, and `near` and `orientation` are used, as in `jobs.plan`. Raises PlanningError where the
-    push fits nowhere.
-    """
-    import jax
-    import jax.numpy as jnp
-
-    from app.jobs import jit_cache, rope_orientation
-    from app.jobs.apparatus_compensation import correction
-    from app.planner.actions.actions import Pushes
-    from app.planner.actions.sweep_actions import Sweeps
-    from app.planner.search.plan import Plan
-    from app.tasks import load
-
-    data, where = load(task), site or Site()
-    if not isinstance(data.actions, Pushes | Sweeps):
-        raise UsageError(f"A push or a sweep is suggested, and {task} has none.")
-    allowed_for = correction(model) if model.apparatus else None
-    x = allowed_for.unproject(observed) if allowed_for else observed
-    made = aim_at(asked, x, data.actions, where)
-    path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(jit_cache.action_simulator(task, len(x), *jit_cache.needs(task, jit_cache.phi_of(model))))
-    before = data.initial_state(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
-    phi = rope_orientation.oriented_phi(model, x, orientation, near)
-    end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
-    predicted = np.asarray(end.x[0])
-    if not np.isfinite(predicted).all():
-        raise PlanningError("its simulation became non-finite; planning as usual.")
-    motion = allowed_for.command(made, x, predicted, where) if allowed_for else made
-    if not where.limits.workspace.contains(motion.positions):
-        raise PlanningError("what the arm would have to be told leaves the workspace; planning as usual.")
-    shown = allowed_for.observe(predicted) if allowed_for else predicted
-    branch = Branch(
-        origin="asked",
-        actions=path[None, :, :2].reshape(1, -1),
-        tool_path=path[:, :3],
-        predicted=shown,
-        final=shown,
-        cost_before=float("nan"),
-        cost_after=float("nan"),
-        terms={},
-        finite=True,
-    )
-    return Plan(
-        branches=(branch,),
-        best=0,
-        motion=motion,
-        predicted=shown,
-        centreline=np.asarray(end.centreline[0]),
-        chamfer_m2=float(chamfer_m2(x, goal)),
-        predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
-    )
 
 
 def aim_at(asked: Motion, x: Points, actions: Pushes | Sweeps, site: Site) -> Motion:
