@@ -62,7 +62,7 @@ def test_a_verdict_about_another_task_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("task", ["cloth_hang", "pour_water"])
-def test_of_what_is_neither_pushed_nor_swept_the_next_motion_is_told_in_words_alone(tmp_path: Path, task: str) -> None:
+def test_the_next_motion_of_a_tool_that_holds_the_object_goes_on_from_its_first_pose(tmp_path: Path, task: str) -> None:
     case = cases.a_set()
     assert case.next_push is not None
     start = np.array([0.55, -0.15, 0.25, 0.0, 1.0, 0.0, 0.0, 0.004])
@@ -71,4 +71,7 @@ def test_of_what_is_neither_pushed_nor_swept_the_next_motion_is_told_in_words_al
     (tmp_path / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     found = read_case(tmp_path, task, Site(), 1.0, True)
     assert found.verdict.next_push == case.next_push.text
-    assert found.asked == ()
+    (asked,) = found.asked
+    assert asked.continues
+    np.testing.assert_allclose(asked.poses[0], start)
+    np.testing.assert_allclose(asked.poses[-1], track.poses[-1], atol=1e-4)

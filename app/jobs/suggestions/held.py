@@ -24,7 +24,7 @@ _LEAN_RAD = 0.1
 
 
 def waits_for(tool: ToolPose, actions: Held) -> str:
-    """What has to be done before a motion can go on from here; empty where one can."""
+    """The condition on which a motion can go on from here; empty where it holds."""
     if isinstance(actions, Carries):
         return "the gripper holds the cloth" if tool[7] > sum(actions.openings_m) / 2 else ""
     axis = _turn(tool).apply([0.0, 0.0, 1.0])
