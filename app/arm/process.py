@@ -66,11 +66,16 @@ class ControlLoop:
             due, last = max(due + period, now), now
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
-        """Read commands, move, report."""
+        """Read commands, move, report.
+
+        Commands that are read late came as early as they may have, so that an arm whose process did not run for a while
+        is not kept going by what was said at its beginning.
+        """
+        since_s = min(now_s, now_s - elapsed_s + self._timing.arm_period_s)
         self._hear_stop_and_reset()
-        self._hear_watcher(now_s)
+        self._hear_watcher(since_s, now_s)
         self._hear_motion(now_s)
-        self._hear_jogs(now_s)
+        self._hear_jogs(since_s, now_s)
         self._watch(now_s)
         self._wake(elapsed_s)
         self._feel()
@@ -108,21 +113,25 @@ class ControlLoop:
         code, reason = refusal.code.encode(), refusal.sentence.encode()[:TEXT_BYTES]
         self._memory.refusals.append(motion=motion, code=code, reason=reason)
 
-    def _hear_jogs(self, now_s: float) -> None:
-        """Follow the newest jog; brake where none has come within the watchdog's time, or none is accepted."""
+    def _hear_jogs(self, since_s: float, now_s: float) -> None:
+        """Follow the newest jog, which came after `since_s`; brake where none has come within the watchdog's time, or none is accepted."""
         memory, control = self._memory, self._control
         new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
         heeds = memory.accepts_jog.value and now_s - self._heard_s <= self._timing.watchdog_s
         if new and heeds and control.jog(jog_of(memory.jogs.newest())):
-            self._jogged_s = now_s
+            self._jogged_s = since_s
         elif not heeds or now_s - self._jogged_s > self._timing.watchdog_s:
             control.decelerate()
 
-    def _hear_watcher(self, now_s: float) -> None:
-        """Note a keep-alive at the time of reading, by this clock: a sender's wrong stamps keep no arm going."""
+    def _hear_watcher(self, since_s: float, now_s: float) -> None:
+        """Note keep-alives by this clock: a sender's wrong stamps keep no arm going.
+
+        The first came after `since_s`, each other a period after the one before: the last one as late as that, or now.
+        """
         keepalives = self._memory.keepalives.value
         if keepalives != self._keepalives:
-            self._keepalives, self._heard_s = keepalives, now_s
+            further_s = (keepalives - self._keepalives - 1) * self._timing.keepalive_s
+            self._keepalives, self._heard_s = keepalives, min(now_s, since_s + further_s)
 
     def _watch(self, now_s: float) -> None:
         """Stop a motion without a keep-alive within the watchdog's time; jogs are not accepted then."""
