@@ -38,7 +38,7 @@ def evolve(
 
 
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> TreePlanner:
-    """Without policy and gradients, and with as many rollouts as the tree has, those of the first actions among them."""
+    """Without policy and gradients, and with as many rollouts as the tree has, the first ones included."""
     steps = at_least(tree_rollouts(search, gradient_steps) - search.branches, search.branches)
     optimise = partial(evolve, steps=steps, step=0.5)
     return TreePlanner(search=replace(search, guided=False), descent=descent, gradient_steps=0, optimise=optimise)

@@ -154,8 +154,7 @@ def test_a_planner_of_ones_own_betters_every_branch_and_chooses_the_cheapest() -
 
 
 def test_a_planner_of_ones_own_simulates_as_much_as_the_tree_and_finds_a_minimum() -> None:
-    planner = example("07_planner").planner(search(), DESCENT, 3)
-    tree = tree_rollouts(search(), 3)
+    planner, tree = example("07_planner").planner(search(), DESCENT, 6), tree_rollouts(search(), 6)
     assert tree <= simulated(planner) <= 1.1 * tree
     actions = jax.random.uniform(jax.random.key(1), (16, 2, 2), minval=-0.4, maxval=1.9)
     found = planner.optimise(bowl, actions, np.full(2, 0.4, np.float32))

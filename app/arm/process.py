@@ -114,7 +114,10 @@ class ControlLoop:
         self._memory.refusals.append(motion=motion, code=code, reason=reason)
 
     def _hear_jogs(self, since_s: float, now_s: float) -> None:
-        """Follow the newest jog, which came after `since_s`; brake where none has come within the watchdog's time, or none is accepted."""
+        """Follow the newest jog, which came after `since_s`.
+
+        Brake where none has come within the watchdog's time, or none is accepted.
+        """
         memory, control = self._memory, self._control
         new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
         heeds = memory.accepts_jog.value and now_s - self._heard_s <= self._timing.watchdog_s
