@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from app.config import Site
-from app.core.geometry.bowls import cap_depth_m
+from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, cap_volume_m3
 from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
@@ -171,9 +171,8 @@ class Correction:
         inside, place, (drops, ratio) = bowls.inside(points), np.array(bowls.place_m), self._drops(len(points))
         stands_m3 = float(inside.mean()) * bowls.volume_m3
         if inside.all() and more > 0:  # It may be more than a reconstruction has particles for.
-            said, whole = (_height_m(bowls.radius_m, (1 + each) * stands_m3, len(points), place) for each in (0, more))
-            above = (float(points[:, 2].mean(dtype=np.float64)) - said) / (whole - said)
-            stands_m3 *= 1 + more * min(max(above, 0.0), 1.0)
+            level_m3 = _volume_m3(points, bowls.radius_m, stands_m3, place)
+            stands_m3 = min(max(level_m3, stands_m3), (1 + more) * stands_m3)
         held_m3 = max((1 + more) * bowls.volume_m3 - stands_m3, 0.0)
         liquid = stands_m3 / bowls.volume_m3 * len(points) - float(inside[drops:].sum())
         stand = drops if held_m3 < _LEAST * bowls.volume_m3 else min(round(liquid / ratio), drops)
@@ -219,9 +218,14 @@ def _pool(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndar
     return resample(pool.points(apart_m), count, seed=0)
 
 
-def _height_m(radius_m: float, volume_m3: float, count: int, centre: Float64[np.ndarray, "3"]) -> float:
-    """Mean height [m] of the particles of such a pool."""
-    return float(_pool(radius_m, volume_m3, count, centre)[:, 2].mean(dtype=np.float64))
+def _volume_m3(points: Points, radius_m: float, said_m3: float, centre: Float64[np.ndarray, "3"]) -> float:
+    """Volume of a liquid in a bowl about `centre` [m] by the mean height of its particles.
+
+    They are a little higher or lower than the liquid, as those of a pool of `said_m3` are.
+    """
+    said = _pool(radius_m, said_m3, len(points), centre)
+    rises_m = float(points[:, 2].mean(dtype=np.float64) - said[:, 2].mean(dtype=np.float64))
+    return cap_volume_m3(cap_centroid_m(cap_depth_m(said_m3, radius_m), radius_m) - rises_m, radius_m)
 
 
 def _with_count(points: Points, inside: Bool[np.ndarray, " N"], wanted: int, drops: int) -> Points:

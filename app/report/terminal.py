@@ -12,9 +12,10 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from app.core.dialogue.words import probability
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.size import size
-from app.report.drawing.words import MOTION, best, interval, percent, title
+from app.report.drawing.words import MOTION, best, interval, title
 from app.report.sections.advice import MODEL, advice
 from app.report.sections.verdict import chance, gain_sentence, headline, kind, unit_of
 
@@ -79,7 +80,7 @@ def _row(blame: CauseResult) -> tuple[Text, Text, Text, Text]:
         Text(title(blame.effect)),
         Text(best(*numbers), no_wrap=True),
         Text(interval(*numbers), no_wrap=True),
-        Text(percent(blame.probability)),
+        Text(probability(blame.probability)),
     )
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float32
 
 from app.config import Site
 from app.core.announcer import MessageBus
+from app.core.dialogue import words
 from app.core.dialogue.requests import EditRequest
 from app.core.errors import DipacError, PlanningError, WorkerError
 from app.core.geometry.orientation import UNKNOWN, Orientation
@@ -207,7 +208,7 @@ class Planning:
 def _orientation_text(orientation: Orientation) -> str:
     return (
         f"Which end of the object is the model's first one is known now, with a probability of "
-        f"{orientation.probability:.2f}: plans heed all effects along it."
+        f"{words.probability(orientation.probability)}: plans heed all effects along it."
     )
 
 

@@ -65,8 +65,8 @@ def test_of_many_causes_that_cannot_be_told_apart_a_sentence_lists_the_likeliest
 
 def test_where_something_may_well_be_missing_but_nothing_is_sure_the_sentence_says_so() -> None:
     unsure = sentences_of("none", (), "", [], {"stribeck": 0.3, "draught": 0.4}, 0.1, None)
-    assert unsure[0].startswith("Nothing can be named: something is missing with a probability of 70%")
-    assert unsure[1] == "Likeliest are draught (40%) and Stribeck friction (30%); a name takes 80%."
+    assert unsure[0].startswith("Nothing can be named: something is missing with a probability of 70 %")
+    assert unsure[1] == "Likeliest are draught (40 %) and Stribeck friction (30 %); a name takes 80 %."
     assert sentences_of("none", (), "", [], {"stribeck": 0.1}, 0.1, None)[0].startswith("Nothing is missing")
 
 
@@ -93,7 +93,7 @@ def test_what_is_left_where_no_cause_was_accepted_is_none_of_these() -> None:
     assert verdict_of(replace(SURE, accepted=None), [], MUCH_LEFT) == ("none_of_these", ())
     said = sentences_of("none_of_these", (), "", [], SURE.probabilities, 0.98, None)
     assert "no known cause" in said[0]
-    assert "98%" in said[0]
+    assert "98 %" in said[0]
 
 
 def test_what_is_left_beside_a_named_cause_is_said_and_the_cause_keeps_its_name() -> None:

@@ -34,4 +34,4 @@ async def test_the_ends_are_followed_through_every_push_and_it_is_said_once_when
         said = [notice for notice in run.person.all(Notice) if notice.where == "orientation"]
         assert len(said) == 1
         assert said[0].cause == (TOLD[1][1],)
-        assert "probability of 0.98" in said[0].text
+        assert "probability of 98 %" in said[0].text

@@ -18,6 +18,8 @@ MODES: Final[Mapping[ModeName, str]] = {
 NOTHING = "\N{EN DASH}"
 """Shown where there is no number yet."""
 _HUNDRED = 99.95
+_SURE = 0.01
+"""Probabilities nearer to 0 or 1 than this are shown as a bound."""
 
 
 def duration(seconds: float) -> str:
@@ -60,6 +62,15 @@ def _format_number(value: float) -> str:
 def size(count: int) -> str:
     """Bytes in GB or MB."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"
+
+
+def probability(share: float) -> str:
+    """A probability in per cent: never quite 0 or 100, as nothing is so sure."""
+    if not math.isfinite(share):
+        return NOTHING
+    if share < _SURE:
+        return "< 1 %"
+    return "> 99 %" if share > 1 - _SURE else f"{100 * share:.0f} %"
 
 
 def sentence(text: str) -> str:

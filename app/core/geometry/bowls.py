@@ -2,6 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float, Float64
+from scipy.optimize import brentq
 
 _NARROWEST_M = 1e-3
 """Half width of a bowl at its bottom, below which it is as wide."""
@@ -11,6 +12,14 @@ def cap_depth_m(volume_m3: float, radius_m: float) -> float:
     """Depth [m] of a spherical cap of this volume in a bowl of this inner radius; the radius where it overflows."""
     depths = np.linspace(0.0, radius_m, 4097)
     return float(np.interp(volume_m3, np.pi * depths**2 * (3 * radius_m - depths) / 3, depths))
+
+
+def cap_volume_m3(centroid_m: float, radius_m: float) -> float:
+    """Volume [m^3] of the cap whose centroid is so far [m] below the sphere's centre; at most that of the bowl."""
+    nearest, farthest = (cap_centroid_m(depth_m, radius_m) for depth_m in (radius_m, 0.0))
+    wanted = min(max(centroid_m, nearest), farthest)
+    depth = brentq(lambda depth_m: cap_centroid_m(depth_m, radius_m) - wanted, 0.0, radius_m)
+    return float(np.pi * depth**2 * (3 * radius_m - depth) / 3)
 
 
 def cap_centroid_m(depth_m: float, radius_m: float) -> float:

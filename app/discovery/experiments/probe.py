@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
+from app.core.dialogue import words
 from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.names import effect_name
 from app.discovery.dataset.study import Study
@@ -205,8 +206,8 @@ def is_none_left(belief: Belief) -> bool:
 def belief_words(belief: Belief) -> str:
     """Text such as `after 16 pushes: table tilt 41 %, draught 22 %, viscous film 9 %, nothing missing 20 %`."""
     ranked = sorted(belief.probabilities.items(), key=lambda pair: -pair[1])[:_LISTED]
-    shares = [f"{rival_words(cause)} {share:.0%}".replace("%", " %") for cause, share in ranked]
-    nothing = f"{NOTHING} {belief.nothing:.0%}".replace("%", " %")
+    shares = [f"{rival_words(cause)} {words.probability(share)}" for cause, share in ranked]
+    nothing = f"{NOTHING} {words.probability(belief.nothing)}"
     pushes = "1 push" if belief.pushes == 1 else f"{belief.pushes} pushes"
     return f"after {pushes}: {', '.join([*shares, nothing])}"
 
@@ -216,9 +217,9 @@ def stop_words(belief: Belief, stop: Stop) -> str:
     match stop:
         case "named":
             best = max(belief.probabilities, key=lambda cause: belief.probabilities[cause])
-            return f"Enough: {rival_words(best)} is {100 * belief.probabilities[best]:.0f} % probable."
+            return f"Enough: {rival_words(best)} is {words.probability(belief.probabilities[best])} probable."
         case "none left":
-            return f"Enough: no cause is left; that nothing is missing is {100 * belief.nothing:.0f} % probable."
+            return f"Enough: no cause is left; that nothing is missing is {words.probability(belief.nothing)} probable."
         case "budget":
             return (
                 f"The {belief.pushes} pushes that were asked for are made, and no cause stands out enough for a name."

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from app.core.dialogue import words
 from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Catalogue, Subject, Theta
 from app.discovery.dataset.names import effect_name
@@ -170,7 +171,8 @@ def sentences_of(
         return _nothing(probabilities)
     if verdict == "none_of_these":
         return _sentences_on_force(left, formula, gain_text)
-    more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
+    said = f"Something is left that this does not say, with a probability of {words.probability(left)}."
+    more = (said,) if left > LEFT else ()
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
@@ -186,21 +188,22 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     said = f"{effect_name(likely)[0].upper()}{effect_name(likely)[1:]}"
     if probability > _LIKELIER:
         first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
-        return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
+        return (first, f"{said} would have a probability of {words.probability(probability)} by the fit alone.")
     if (some := sum(probabilities.values())) > _LIKELIER:
         first = (
-            f"Nothing can be named: something is missing with a probability of {some:.0%}, spread over several causes."
+            f"Nothing can be named: something is missing with a probability of {words.probability(some)}, spread over "
+            "several causes."
         )
-        return (first, f"{_leaders_text(probabilities)}; a name takes {NAMED:.0%}.")
+        return (first, f"{_leaders_text(probabilities)}; a name takes {100 * NAMED:.0f} %.")
     first = "Nothing is missing that these recordings show: no cause explains them better than the refitted model."
-    return (first, f"{said}, the likeliest, has a probability of {probability:.0%}.")
+    return (first, f"{said}, the likeliest, has a probability of {words.probability(probability)}.")
 
 
 def _leaders_text(probabilities: Mapping[str, float]) -> str:
     """The likeliest causes, down to half as likely as the first, with their probabilities."""
     ranked = sorted(probabilities.items(), key=lambda pair: -pair[1])
     leading = [pair for pair in ranked[:_LISTED] if pair[1] >= _BESIDE * ranked[0][1]]
-    said = " and ".join(f"{effect_name(name)} ({share:.0%})" for name, share in leading)
+    said = " and ".join(f"{effect_name(name)} ({words.probability(share)})" for name, share in leading)
     return f"Likeliest {'are' if len(leading) > 1 else 'is'} {said}"
 
 
@@ -213,7 +216,7 @@ def _one_of(causes: Sequence[CauseResult]) -> str:
 
 
 def _sentences_on_force(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
-    first = f"Something acts that no known cause explains, with a probability of {left:.0%}."
+    first = f"Something acts that no known cause explains, with a probability of {words.probability(left)}."
     if formula is None:
         return (first, "No force that was tried predicts pushes that it was not fitted to: the model is left as it is.")
     return (first, f"It is best said as a force. {formula.words}", gain_text)

@@ -116,12 +116,8 @@ def interval(value: float, low: float, high: float, unit: str) -> str:
 
 
 def percent(share: float) -> str:
-    """A probability: never quite 0 or 100 %."""
-    if not math.isfinite(share):
-        return NOTHING
-    if 0 <= share < 0.01:
-        return "< 1 %"
-    return "> 99 %" if 0.99 < share <= 1 else f"{decimal(100 * share, 0)} %"
+    """A share in per cent."""
+    return f"{decimal(100 * share, 0)} %" if math.isfinite(share) else NOTHING
 
 
 def gain_and_interval(value: float, low: float, high: float) -> str:

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 
+from app.core.dialogue.words import probability
 from app.discovery.dataset.names import effect_name
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import details, figure, paragraph, table
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.size import size
-from app.report.drawing.words import best, decimal, interval, percent, title
+from app.report.drawing.words import best, decimal, interval, title
 
 _FIRST = 8
 """Causes shown at once; the others on demand."""
@@ -53,7 +54,7 @@ def _row(blame: CauseResult, chosen: bool) -> tuple[Markup, str, Markup, str, st
     )
     return (
         name,
-        percent(blame.probability),
+        probability(blame.probability),
         _bar(blame.probability, "extended" if chosen else "still"),
         best(*numbers),
         interval(*numbers),
@@ -72,7 +73,7 @@ def _bar(share: float, kind: str, width: float = 110.0) -> Markup:
     filled = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
     full = tag("rect", x=0.0, y=4.0, width=width, height=9.0, rx=2.0, class_="trough")
     part = tag("rect", x=0.0, y=4.0, width=max(width * filled, 1.5), height=9.0, rx=2.0, class_=f"fill {kind}")
-    return svg(width, 17.0, f"Probability {percent(share)}", "As a bar of 0 to 100 %.", full, part)
+    return svg(width, 17.0, f"Probability {probability(share)}", "As a bar of 0 to 100 %.", full, part)
 
 
 def confusions(case: Case) -> Markup:
@@ -144,7 +145,7 @@ def _confusion_text(case: Case) -> str:
     if not pairs:
         return f"{words}No two of them are often taken for one another."
     said = [
-        f"{effect_name(case.confused[j])} and {effect_name(case.confused[i])} ({percent(share)})"
+        f"{effect_name(case.confused[j])} and {effect_name(case.confused[i])} ({probability(share)})"
         for share, i, j in pairs[:4]
     ]
     return f"{words}Hard to tell apart: {'; '.join(said)}."

@@ -2,9 +2,10 @@
 
 import math
 
+from app.core.dialogue import words
 from app.core.dialogue.words import sentence
 from app.discovery.results.case import Case, Gain
-from app.report.drawing.words import decimal, gain_and_interval, names, percent
+from app.report.drawing.words import decimal, gain_and_interval, names
 from app.sim.effects.base import LIQUIDS
 
 _KINDS = {
@@ -52,7 +53,7 @@ def headline(case: Case) -> str:
 def chance(case: Case) -> tuple[str, str] | None:
     """Probability of the verdict, and the statement that it is for; None where unknown."""
     known = probability(case)
-    return None if known is None else (percent(known[0]), known[1])
+    return None if known is None else (words.probability(known[0]), known[1])
 
 
 def probability(case: Case) -> tuple[float, str] | None:

@@ -19,7 +19,6 @@ _KINDS: Final = {
 _ROWS = 6
 _MOST = 10.0
 """Largest evidence shown, in alarm thresholds."""
-_LEAST = 0.01
 _MM = 1e3
 
 
@@ -50,7 +49,7 @@ def _watch_rows(seen: Watched) -> Iterable[tuple[str, str]]:
     if math.isfinite(seen.promised_m):
         yield "The model promised", _mm(seen.promised_m)
     if seen.state != "learning":
-        limit = f"false in {_percent(seen.false_alarm)} of sessions at most"
+        limit = f"false in {escape(words.probability(seen.false_alarm))} of sessions at most"
         evidence = _percent(min(seen.evidence, _MOST))
         yield "Evidence against it", f"{evidence} <small title='{limit}'>of an alarm</small>"
 
@@ -89,7 +88,7 @@ def _cause(cause: Blamed, *, named: bool) -> tuple[str, str]:
     title = escape(cause.title)
     return (
         f"<b>{title}</b>" if named else title,
-        f"{_percent(cause.probability)}<br><small>{escape(cause.size)}</small>",
+        f"{escape(words.probability(cause.probability))}<br><small>{escape(cause.size)}</small>",
     )
 
 
@@ -100,7 +99,7 @@ def _count_text(pushes: int) -> str:
 def _percent(share: float) -> str:
     if not math.isfinite(share):
         return words.NOTHING
-    return "< 1 %" if 0 < share < _LEAST else f"{100 * share:.0f} %"
+    return f"{100 * share:.0f} %"
 
 
 def _mm(length_m: float) -> str:

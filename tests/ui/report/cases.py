@@ -436,7 +436,7 @@ def none_of_these() -> Case:
         amount=named().amount,
         verdict="none_of_these",
         sentences=(
-            "Something acts that no known cause explains, with a probability of 96%.",
+            "Something acts that no known cause explains, with a probability of 96 %.",
             "It is best said as a force. A force that swirls about (0.51, 0.08) m, counter-clockwise, 8 1/s^2.",
         ),
         limits=(),

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from app.core.dialogue import words as dialogue
 from app.discovery.dataset.model_under_test import catalogue
 from app.report.drawing import words
 
@@ -69,7 +70,7 @@ def test_a_number_without_an_interval_is_still_shown() -> None:
     ("share", "said"), [(0.0, "< 1 %"), (0.004, "< 1 %"), (0.5, "50 %"), (0.996, "> 99 %"), (1.0, "> 99 %")]
 )
 def test_a_probability_is_never_rounded_to_certainty(share: float, said: str) -> None:
-    assert words.percent(share) == said
+    assert dialogue.probability(share) == said
 
 
 def test_there_is_no_minus_zero() -> None:
