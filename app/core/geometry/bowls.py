@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float, Float64
-from scipy.optimize import brentq
 
 _NARROWEST_M = 1e-3
 """Half width of a bowl at its bottom, below which it is as wide."""
@@ -16,9 +15,9 @@ def cap_depth_m(volume_m3: float, radius_m: float) -> float:
 
 def cap_volume_m3(centroid_m: float, radius_m: float) -> float:
     """Volume [m^3] of the cap whose centroid is so far [m] below the sphere's centre; at most that of the bowl."""
-    nearest, farthest = (cap_centroid_m(depth_m, radius_m) for depth_m in (radius_m, 0.0))
-    wanted = min(max(centroid_m, nearest), farthest)
-    depth = brentq(lambda depth_m: cap_centroid_m(depth_m, radius_m) - wanted, 0.0, radius_m)
+    depths = np.linspace(radius_m, 0.0, 513)
+    below_m = 3 * (2 * radius_m - depths) ** 2 / (4 * (3 * radius_m - depths))
+    depth = float(np.interp(centroid_m, below_m, depths))
     return float(np.pi * depth**2 * (3 * radius_m - depth) / 3)
 
 
