@@ -62,6 +62,7 @@ class Planning:
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
         self._predicted: dict[MessageId, Centreline] = {}
         self._near: Centreline | None = None
+        self._approved: Proposal | None = None
         self._last: Proposal | None = None
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
@@ -91,16 +92,18 @@ class Planning:
         """React to a decision. A rejected plan is not proposed again before something has moved."""
         self._asking.drop_offered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
-        self._last = None
+        self._last, self._approved = None, proposal if approved else None
         if approved:
             self._near = None
 
     def keep_prediction(self, proposal: Proposal) -> None:
         """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted.
 
-        Where it truly does, the next plan starts from what is left of this one, too.
+        Where it truly does, the next plan starts from what is left of this one, too, unless plans were forgotten while
+        the motion was made.
         """
-        self._near, self._last = self._predicted.get(proposal.id), proposal
+        self._near = self._predicted.get(proposal.id)
+        self._last, self._approved = self._approved, None
 
     def note_transition(self, transition: Transition, model: Model) -> None:
         """Note a motion that was seen, by which the next plan follows the object's ends."""
@@ -113,7 +116,7 @@ class Planning:
 
     def forget(self) -> None:
         """Forget rejected, changed and earlier plans: the object may have moved, or the goal is another."""
-        self._rejected, self._changed, self._last = (), None, None
+        self._rejected, self._changed, self._last, self._approved = (), None, None, None
 
     async def edit(
         self, config: EpisodeConfig, request: EditRequest, shown: Proposal, observed: Particles, model: Model

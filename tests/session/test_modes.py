@@ -206,6 +206,20 @@ async def test_a_plan_for_another_goal_does_not_go_on_with_the_one_before(idle: 
     assert "remainder" not in (await person.sees(Proposal)).chosen.terms
 
 
+async def test_a_goal_that_is_given_while_the_arm_moves_ends_what_is_left_of_the_plan(idle: Run) -> None:
+    person = idle.person
+    await person.chooses("approve each")
+    first = await person.sees(Proposal)
+    await person.decides(first)
+    await person.sees(ArmState, "moving")
+    await person.asks(goal_request(first.observed + np.array([0.0, 0.1, 0.0])))
+    goal = await person.sees(Goal)
+    await person.sees(Executed, "completed")
+    following = await person.sees(Proposal)
+    assert following.goal_id == goal.id
+    assert "remainder" not in following.chosen.terms
+
+
 async def test_where_the_view_is_the_goal_it_is_reached_and_the_session_waits(idle: Run) -> None:
     person = idle.person
     seen = await person.sees(Particles)
