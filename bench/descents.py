@@ -24,7 +24,10 @@ _SAME_MM2 = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Descents:
-    """Costs of B branches after each step of a descent from all of them, the cheapest so far: (G, B)."""
+    """Costs of B branches after each step of a descent from all of them, the cheapest so far: (G, B).
+
+    Of finite actions, whether they are allowed or not; the planner ranks those that are not behind all others.
+    """
 
     seed: int
     action: int

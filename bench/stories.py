@@ -159,9 +159,12 @@ def told_of(story: Story) -> str:
 def told(story: Story, folder: Path, problems: int, jobs: int) -> list[Pair]:
     """Make what is missing of a story in its folder, step by step; its problems as far as both models ended them."""
     folder.mkdir(parents=True, exist_ok=True)
+    order, wanted = folder / "order.json", json.dumps(story.order)
+    if (folder / "truth.json").exists() and order.read_text(encoding="utf-8") != wanted:
+        raise SystemExit(f"{folder} holds a story of another order; give another -o, or move that folder away.")
     if not (folder / "truth.json").exists():
         shutil.rmtree(folder / "recordings", ignore_errors=True)
-        (folder / "order.json").write_text(json.dumps(story.order), encoding="utf-8")
+        order.write_text(wanted, encoding="utf-8")
         print(f"{story.task}: recordings", flush=True)
         run(("order.json", "-o", "."), folder, module="bench.hidden.made", shown=True)
     if not (folder / "verdict.txt").exists():

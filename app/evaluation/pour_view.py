@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.geometry.bowls import cap_depth_m
 from app.core.geometry.scene_description import Liquid, Soup
 from app.core.types import Cloud, Points, ToolPose
 from app.perception.body.resample import resample
@@ -45,7 +46,8 @@ def seen_pour(
     poured_m3 = float(_volumes_m3(task, len(nodes), more) @ inside)
     pools = list[Pool]()
     if poured_m3 > _LEAST * volume_m3:
-        pools.append(Pool(vessel=fixed, level_m=float(fixed.pool(poured_m3).level_m + level_m * rng.standard_normal())))
+        level = place[2] - fixed.radius_m + cap_depth_m(poured_m3, fixed.radius_m) + level_m * rng.standard_normal()
+        pools.append(Pool(vessel=fixed, level_m=float(level)))
     left_m3 = volume_m3 - sum(pool.volume_m3 for pool in pools)
     if left_m3 > _LEAST * volume_m3:
         pools.append(held.at(told).pool(left_m3))

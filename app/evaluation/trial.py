@@ -84,6 +84,9 @@ class Trial:
         if self.hidden is None:
             return None
         found = load_hidden_world(self.hidden, self.task, self.stage.body)
+        if found.in_motion:
+            late = ", ".join(found.in_motion)
+            raise UsageError(f"{self.hidden} hides {late}, which does nothing here: what is looked at is at rest.")
         if self.eyes == "truth" and found.in_images:
             unseen = ", ".join(found.in_images)
             raise UsageError(f"{self.hidden} hides {unseen}, which images alone have; play it with --eyes cameras.")

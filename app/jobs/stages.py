@@ -37,7 +37,7 @@ def stages(
 ) -> list[CompileStep]:
     """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it.
 
-    Where models are learned in another process, that compiles what it needs while the first plan is made.
+    Where models are learned in another process, that compiles what it needs once the first motion has been seen.
     """
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)

@@ -184,3 +184,11 @@ def test_errors_of_cameras_are_played_with_cameras(
     assert main(["evaluate", *SHORT, "-o", str(folder), "--hidden", str(truth)]) == UsageError.exit_code
     assert "hides hand_eye_translation, which images alone have" in capsys.readouterr().err.replace("\n", " ")
     assert not (folder / "episodes.jsonl").exists()
+
+
+def test_a_delay_of_images_is_not_played_where_all_that_is_looked_at_is_at_rest(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = sealed(tmp_path_factory.mktemp("sealed"), "camera_time_offset")
+    assert main(["evaluate", *SHORT, "-o", str(folder), "--hidden", str(truth)]) == UsageError.exit_code
+    assert "hides camera_time_offset, which does nothing here" in capsys.readouterr().err.replace("\n", " ")

@@ -114,6 +114,7 @@ def test_a_sealed_file_tells_all_of_its_world(tmp_path: Path) -> None:
     [
         ("no json", "is no sealed file"),
         ('{"task": "rope_push", "seed": 1}', "is no sealed file"),
+        ('{"task": "rope_push", "seed": -1, "effects": []}', "is no sealed file"),
         ('{"task": "bean_sweep", "seed": 1, "effects": []}', "is about bean_sweep"),
         ('{"task": "rope_push", "seed": 1, "effects": [{"effect": "nothing", "parameters": {}}]}', "nothing"),
         ('{"task": "rope_push", "seed": 1, "effects": [{"effect": "fill_level", "parameters": {}}]}', "can have"),

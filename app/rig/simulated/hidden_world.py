@@ -30,6 +30,11 @@ class HiddenWorld:
         return tuple(each.name for each in self.effects if each.effect.stands or each.effect.seen)
 
     @property
+    def in_motion(self) -> tuple[str, ...]:
+        """Names of the effects that only a view of something that moves has: those of when images are taken."""
+        return tuple(each.name for each in self.effects if each.effect.late_s is not None)
+
+    @property
     def more(self) -> float:
         """Share of a liquid's volume by which there is more of it than its task says."""
         return Intrusion(self.effects).more
@@ -48,6 +53,8 @@ def load_hidden_world(path: Path, task: str, body: Body) -> HiddenWorld:
     try:
         truth = json.loads(path.read_text(encoding="utf-8"))
         recorded, seed = TaskName.parse(truth["task"]), int(truth["seed"])
+        if seed < 0:
+            raise ValueError(f"seed {seed} is negative")
         effects = tuple(_effect(each, body) for each in truth["effects"])
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}; name the sealed file that `dipac hide` wrote.") from None
