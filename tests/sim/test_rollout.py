@@ -11,7 +11,7 @@ import pytest
 
 from app.core.errors import ParameterError
 from app.sim.model.catalogue import EFFECTS
-from app.sim.mpm.action_kernels import action_kernels
+from app.sim.mpm.action_kernels import RESIDENT, action_kernels
 from app.sim.mpm.candidate_kernels import candidate_kernels
 from app.sim.mpm.particle_kernels import particle_kernels
 from app.sim.runtime.rollout import Simulate, make_rollout
@@ -26,10 +26,10 @@ SIMULATE = make_rollout(SCENE, particle_count=PARTICLES)
 of_threads = pytest.mark.skipif(jax.default_backend() != "cpu", reason="Only the CPU's schedule has threads.")
 
 
-def problem() -> tuple[jax.Array, State, jax.Array]:
+def problem(count: int = PARTICLES) -> tuple[jax.Array, State, jax.Array]:
     """Five different candidates, pushed by the finger."""
     phi = np.stack([phi_with(stiffness=1e4 * (1 + b), table_friction=0.2 + 0.1 * b) for b in range(CANDIDATES)])
-    x = np.stack([rope(seed=b) for b in range(CANDIDATES)])
+    x = np.stack([rope(count, seed=b) for b in range(CANDIDATES)])
     tools = [straight_tool((0.49 + 0.01 * b, -0.022, 0.005), (0, 0.2 + 0.05 * b, 0), STEPS) for b in range(CANDIDATES)]
     return jnp.asarray(phi), State.at_rest(jnp.asarray(x)), jnp.asarray(np.stack(tools))
 
@@ -120,6 +120,27 @@ def test_an_action_in_one_launch_on_a_gpu_equals_a_launch_a_substep(kind: int):
     for ours, theirs in zip(whole(*problem()), parts(*problem()), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
     ours, theirs = (jax.tree.leaves(gradients(simulate, *problem())) for simulate in (whole, parts))
+    for mine, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
+
+
+@pytest.mark.skipif(jax.default_backend() == "cpu", reason="needs a GPU")
+@pytest.mark.parametrize("kind", [0, 1])
+@pytest.mark.parametrize("groups", [1, 2])
+def test_blocks_that_wait_for_one_another_equal_a_launch_a_substep(kind: int, groups: int):
+    """Of several blocks a candidate; a grid computed again by threads of its own (two groups), and by the same ones."""
+    gpu, count = schedule_for(jax.default_backend(), SCENE, EFFECTS), 400
+    assert isinstance(gpu, Launched)
+    kernels = gpu.actions[kind]
+    assert kernels.blocks(count) > 1
+    fitting = -(-groups * CANDIDATES * kernels.blocks(count) // RESIDENT)
+    launched = replace(gpu, actions=(kernels,), multiprocessors=fitting)
+    assert launched.back(CANDIDATES, count) == (kernels, groups)
+    whole = make_rollout(SCENE, particle_count=count, schedule=launched)
+    parts = make_rollout(SCENE, particle_count=count, schedule=replace(gpu, actions=()))
+    for ours, theirs in zip(whole(*problem(count)), parts(*problem(count)), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
+    ours, theirs = (jax.tree.leaves(gradients(simulate, *problem(count))) for simulate in (whole, parts))
     for mine, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
 

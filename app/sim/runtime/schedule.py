@@ -153,7 +153,7 @@ class ThreadedCandidates:
 class Launched:
     """CUDA schedule: one launch an action where all its threads are on the GPU at the same time, or two a substep.
 
-    `actions`: kernels of whole actions, the best first. `multiprocessors`: those of the GPU; with none, no action is
+    `actions`: kernels of whole actions, the best first. `multiprocessors`: those of the smallest GPU; with none, no action is
     one launch. `lanes` threads a candidate take its active nodes where a substep is two launches.
     """
 
@@ -275,5 +275,5 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     return Launched(
         substeps=particle_kernels(code),
         actions=tuple(action_kernels(code, by_planes=by_planes) for by_planes in (True, False)),
-        multiprocessors=wp.device_from_jax(jax.local_devices()[0]).sm_count,
+        multiprocessors=min(wp.device_from_jax(each).sm_count for each in jax.local_devices()),
     )
