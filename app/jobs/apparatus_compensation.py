@@ -98,7 +98,8 @@ class Correction:
     def observe(self, points: Points) -> Points:
         """Observed position of the object that truly is here [m]; non-finite as the input is.
 
-        Of a liquid as much is shown in the bowl that stands as cameras will see there.
+        Of a liquid as much is shown in the bowl that stands as cameras will see there. Where all of it stands and there
+        is less than was said, all is shown, though a reconstruction has what it misses in the held bowl.
         """
         bowls = self.predictor.subject.bowls
         if not np.isfinite(points).all():

@@ -153,8 +153,8 @@ class ThreadedCandidates:
 class Launched:
     """CUDA schedule: one launch an action where all its threads are on the GPU at the same time, or two a substep.
 
-    `actions`: kernels of whole actions, the best first. `multiprocessors`: those of the smallest GPU; with none, no action is
-    one launch. `lanes` threads a candidate take its active nodes where a substep is two launches.
+    `actions`: kernels of whole actions, the best first. `multiprocessors`: those of the smallest GPU; with none, no
+    action is one launch. `lanes` threads a candidate take its active nodes where a substep is two launches.
     """
 
     substeps: ParticleKernels
