@@ -24,7 +24,7 @@ from app.session.requests.measuring import Measuring
 from app.session.requests.requested_motions import RequestedMotionProposals
 from app.session.state import SessionState
 from app.session.store import SessionStore
-from app.session.suggested_push import Probing
+from app.session.suggested_motions import Probing
 from app.tasks.elements.base import EpisodeConfig
 
 

@@ -30,7 +30,7 @@ from app.jobs.worker_api import (
     warm_up_stages,
 )
 from app.planner.search.request import remainder_of
-from app.session.suggested_push import Asking, Probing
+from app.session.suggested_motions import Asking, Probing
 from app.tasks.elements.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.

@@ -11,7 +11,7 @@ from app.core.dialogue.summary import Summary
 from app.core.messages import Goal, Notice, Particles, fresh_id
 from app.jobs.worker_api import nominal_model
 from app.session.perception_stage import Sensing
-from app.session.suggested_push import Asking, Probing
+from app.session.suggested_motions import Asking, Probing
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
 from tests.session.cell import MemoryLog, small_site

@@ -14,7 +14,7 @@ from app.core.messages import Goal, Notice, Proposal, fresh_id
 from app.jobs.worker_api import nominal_model
 from app.session.perception_stage import Sensing
 from app.session.planning import Planning
-from app.session.suggested_push import Probing
+from app.session.suggested_motions import Probing
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig
 from tests.session.cell import MemoryLog, small_site

@@ -17,7 +17,7 @@ from app.rig.simulated.push_session import push_again
 from app.rig.simulated.worlds.physics import WorldPhysics
 from app.rig.simulated.worlds.rope import resample
 from app.session.perception_stage import Sensing
-from app.session.suggested_push import Asking, Probing
+from app.session.suggested_motions import Asking, Probing
 from app.tasks import load
 from app.tasks.elements.base import EpisodeConfig, Experiment
 from tests.session.cell import MemoryLog, small_site
