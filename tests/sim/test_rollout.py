@@ -128,7 +128,7 @@ def test_an_action_in_one_launch_on_a_gpu_equals_a_launch_a_substep(kind: int):
 @pytest.mark.parametrize("kind", [0, 1])
 @pytest.mark.parametrize("groups", [1, 2])
 def test_blocks_that_wait_for_one_another_equal_a_launch_a_substep(kind: int, groups: int):
-    """Candidates of several blocks; a grid is computed again by threads of its own (two groups), or by the same ones."""
+    """Candidates of several blocks; a grid is computed again by threads of its own (two groups), or by the same."""
     gpu, count = schedule_for(jax.default_backend(), SCENE, EFFECTS), 400
     assert isinstance(gpu, Launched)
     kernels = gpu.actions[kind]
