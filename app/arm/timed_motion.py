@@ -35,7 +35,7 @@ def motion_along(track: Track, site: Site) -> Motion:
     steps, step_s = np.linalg.norm(np.diff(poses * SCALE, axis=0), axis=1), span_s / count
     moving = np.flatnonzero(steps > _STILL_M)
     if not len(moving):
-        raise PlanningError("the tool stands still on it.")
+        raise PlanningError("The tool stands still all the way, which is no motion.")
     way, speeds, rested_s = [poses[0]], [_SLOWEST_M_S], 0.0
     for index in range(moving[0], moving[-1] + 1):
         if steps[index] <= _STILL_M:
