@@ -34,6 +34,7 @@ async def cell(
                     stop=rig.arm.stop,
                     limits=site.limits,
                     table=site.table,
+                    stage=wanted.stage,
                     tls=tls,
                     hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
                     timing=site.timing,

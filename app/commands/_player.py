@@ -16,10 +16,12 @@ from app.commands._preflight import check_port
 from app.commands._progress import print_whole
 from app.commands._replan import model_names, replan
 from app.config import Site
-from app.core.errors import DipacError, ParameterError, RecordingError
+from app.core.errors import DipacError, ParameterError, RecordingError, UsageError
+from app.core.geometry.scene_description import Stage
 from app.core.messages import Fault, Message, fresh_id
 from app.core.system.worker import Worker
 from app.recording.read.timeline import Timeline, open_timeline
+from app.tasks import load
 from app.ui.console import Console, open_console
 from app.ui.player import FASTEST, Player, Reel
 from app.ui.replanning import Replanned, ReplanRequest, rows
@@ -59,6 +61,7 @@ async def serve(file: Path, output: Output, *, at_s: float, speed: float, model:
             cell="replay",
             stop=lambda: None,
             limits=site.limits,
+            stage=await to_thread.run_sync(_stage_of, timeline),
             player=player,
         ) as console:
             output.print(Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True), soft_wrap=True)
@@ -92,6 +95,14 @@ async def _open_recording(file: Path, output: Output) -> AsyncGenerator[Timeline
 
             timeline = await to_thread.run_sync(stack.enter_context, open_timeline(file, told))
         yield timeline
+
+
+def _stage_of(timeline: Timeline) -> Stage | None:
+    """The task's stage at the recording's beginning; None of a task that this program does not have."""
+    try:
+        return load(timeline.episode(0.0).task).stage
+    except (UsageError, RecordingError):
+        return None
 
 
 def reel(timeline: Timeline) -> Reel:

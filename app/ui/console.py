@@ -15,6 +15,7 @@ from anyio import to_thread
 from app.config import Limits, Timing
 from app.core.dialogue.requests import Request
 from app.core.errors import PreflightError
+from app.core.geometry.scene_description import Stage
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Message
 from app.core.system.channel import Lossless
@@ -73,6 +74,7 @@ async def open_console(
     stop: Callable[[], None],
     limits: Limits | None = None,
     table: TablePlace = AT_BASE,
+    stage: Stage | None = None,
     tls: Tls | None = None,
     hand: JogHandler | None = None,
     timing: Timing | None = None,
@@ -81,7 +83,8 @@ async def open_console(
     """A console that serves until the block is left; `timing` has the limits that refuse plans, `limits` are drawn.
 
     `cell`: the kind of cell behind it; a replay has a `player`, whose clock gives ages. The arm's base is drawn at the
-    `table`'s pose. `stop` tells the arm to stop: it is called from other threads than the caller's and must not block.
+    `table`'s pose, and tool and fixtures as those of the `stage`. `stop` tells the arm to stop: it is called from other
+    threads than the caller's and must not block.
     `hand` turns held controls into motion, where that is offered. `port` 0 takes a free one.
 
     Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
@@ -113,7 +116,7 @@ async def open_console(
             else None
         )
         goal_upload = GoalUpload(controller, session_keys, controller.turned_away)
-        where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table}
+        where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table, "stage": stage}
         furnish = partial(
             _set_scene, controller=controller, session_keys=session_keys, line=line, hand=hand, player=player, **where
         )
@@ -181,10 +184,11 @@ def _set_scene(
     limits: Limits,
     timing: Timing,
     table: TablePlace,
+    stage: Stage | None,
 ) -> RenderLoop:
     """Build scene and panels on the server; returns their painter."""
     _greet(viser_host.server, controller, session_keys, line)
-    scene = ConsoleScene(viser_host.server, limits, table)
+    scene = ConsoleScene(viser_host.server, limits, table, stage)
     panel = Panel(viser_host.server, controller, scene, timing)
     aim = TargetHandle(viser_host.server, limits.workspace, controller, hand) if hand else None
     playback = Playback(viser_host.server, player) if player else None

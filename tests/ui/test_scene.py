@@ -4,21 +4,26 @@ import numpy as np
 import pytest
 import viser
 import zstandard
+from scipy.spatial.transform import Rotation
 
 from app.config import KeepOut, Limits
+from app.core.geometry.scene_description import Stage
 from app.core.geometry.table_place import AT_BASE, TablePlace
+from app.core.motion import TOOL_DOWN
+from app.tasks import load
 from app.ui.parts import palette
 from app.ui.view.scene import ConsoleScene
-from app.ui.view.tool import DrawnGripper, Flat
+from app.ui.view.tool import DrawnTool, Flat
 
 _HEADER_BYTES = 8
 """Length of the header before the packed scene: its size, unpacked."""
 
 
-def drawn(limits: Limits, table: TablePlace = AT_BASE) -> bytes:
+def drawn(limits: Limits, table: TablePlace = AT_BASE, stage: Stage | None = None) -> bytes:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        ConsoleScene(server, limits, table)
+        scene = ConsoleScene(server, limits, table, stage)
+        scene.tool.put(np.array([0.5, 0.0, 0.2, 0.0, 1.0, 0.0, 0.0]), 0.0)
         packed = server.get_scene_serializer().serialize()
     finally:
         server.stop()
@@ -29,7 +34,7 @@ def drawn_tool(task: str) -> bytes:
     """Packed scene of a tool that was two fingers and became the one of that task."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        tool = DrawnGripper(server, "/tool", palette.STEEL, opacity=None)
+        tool = DrawnTool(server, "/tool", palette.STEEL, opacity=None)
         tool.put(np.zeros(3), 1.0)
         tool.become(Flat.of(task))
         tool.put(np.zeros(3), 1.0)
@@ -60,6 +65,38 @@ def test_the_arm_stands_where_it_does_beside_the_table() -> None:
         assert handle.position == pytest.approx(base)
         assert np.abs(handle.wxyz) == pytest.approx(np.sqrt([0.5, 0, 0, 0.5]))
         assert handle.wxyz[0] * handle.wxyz[3] < 0
+    finally:
+        server.stop()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("task", "parts"),
+    [
+        ("pour_water", (b"/fixtures/0", b"/tool/bowl")),
+        ("cloth_hang", (b"/fixtures/0/1", b"/tool/finger_left")),
+        ("bean_sweep", (b"/fixtures/0", b"/tool/board")),
+    ],
+)
+def test_what_stands_on_the_table_is_drawn_and_the_tool_as_it_is(task: str, parts: tuple[bytes, ...]) -> None:
+    scene = drawn(Limits(), stage=load(task).stage)
+    assert all(part in scene for part in parts)
+    assert b"/fixtures" not in drawn(Limits())
+
+
+@pytest.mark.serial
+def test_the_tool_is_turned_as_the_arm_has_it() -> None:
+    """A bowl that leans by a third of a turn about x."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        scene = ConsoleScene(server, Limits(), stage=load("pour_water").stage)
+        leans = Rotation.from_rotvec([2 * np.pi / 3, 0.0, 0.0])
+        turn = leans * Rotation.from_quat(TOOL_DOWN, scalar_first=True)
+        scene.tool.put(np.array([0.5, 0.0, 0.2, *turn.as_quat(scalar_first=True)]), 0.0)
+        handle = server.scene.get_handle_by_name("/tool")
+        assert isinstance(handle, viser.FrameHandle)
+        drawn_turn = Rotation.from_quat(handle.wxyz, scalar_first=True)
+        assert (drawn_turn * leans.inv()).magnitude() == pytest.approx(0.0, abs=1e-6)
     finally:
         server.stop()
 

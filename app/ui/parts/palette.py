@@ -45,6 +45,12 @@ def camera(number: int) -> Colour:
     return _CAMERAS[number % len(_CAMERAS)]
 
 
+def of_light(albedo: tuple[float, float, float]) -> Colour:
+    """Screen colour of an RGB albedo in 0..1."""
+    red, green, blue = (round(255 * share) for share in albedo)
+    return red, green, blue
+
+
 def linear(colours: Colour | np.ndarray) -> np.ndarray:
     """Screen colours as linear light; uint8, same shape.
 

@@ -10,7 +10,7 @@ from app.ui.parts import palette
 from app.ui.plans.look import PreviewState
 from app.ui.view.particle_cloud import ParticleView
 from app.ui.view.paths import segments
-from app.ui.view.tool import DrawnGripper, Flat
+from app.ui.view.tool import DrawnTool, Flat
 
 _THICK_PX = 5.0
 
@@ -43,7 +43,7 @@ class PlanPreview:
     def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
         self._way = Way(server, f"{name}/way", colour)
         self._beads = ParticleView(server, f"{name}/object", colour, opacity=0.5)
-        self.tool = DrawnGripper(server, f"{name}/tool", colour, opacity=0.5)
+        self.tool = DrawnTool(server, f"{name}/tool", colour, opacity=0.5)
 
     def paint(self, look: PreviewState | None, branch: Branch | None, *, way: bool) -> None:
         """Draw `branch` at the moment of `look`, and its path where `way`."""

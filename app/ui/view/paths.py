@@ -4,10 +4,12 @@ from typing import final
 
 import numpy as np
 import viser
-from jaxtyping import Float64
 
+from app.arm.path import SCALE
+from app.core.geometry.track import poses_at
 from app.core.messages import Proposal
 from app.core.motion import Motion
+from app.core.types import ToolPose
 from app.ui.parts import palette
 from app.ui.parts.console_state import ConsoleState
 
@@ -71,12 +73,15 @@ class Paths:
             line.remove()
 
 
-def along(motion: Motion, elapsed_s: float) -> Float64[np.ndarray, "3"]:
-    """Tool position [m] at `elapsed_s` of a motion that is repeated with a pause at its end."""
-    steps_m = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
+def along(motion: Motion, elapsed_s: float) -> ToolPose:
+    """Tool pose at `elapsed_s` of a motion that is repeated with a pause at its end.
+
+    A turn of the tool takes time as a way does, by the arm's own measure.
+    """
+    steps_m = np.linalg.norm(np.diff(motion.poses * SCALE, axis=0), axis=1)
     times = np.concatenate([[0.0], np.cumsum(steps_m / np.maximum(motion.speeds[1:], _SLOWEST_M_S))])
     t = elapsed_s % (times[-1] + _PAUSE_S)
-    return np.array([np.interp(t, times, motion.positions[:, axis]) for axis in range(3)])
+    return poses_at(np.array([t]), times, motion.poses)[0]
 
 
 def segments(path: np.ndarray) -> np.ndarray:

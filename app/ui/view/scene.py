@@ -8,14 +8,16 @@ from jaxtyping import Bool
 from viser import transforms
 
 from app.config import KeepOut, Limits, Workspace
+from app.core.geometry.scene_description import Stage
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Frame
 from app.core.types import Points
 from app.ui.parts import palette
 from app.ui.parts.console_state import ConsoleState
+from app.ui.view.fixtures import draw_fixtures
 from app.ui.view.particle_cloud import ParticleView
 from app.ui.view.paths import Paths, along
-from app.ui.view.tool import DrawnGripper, Flat
+from app.ui.view.tool import DrawnTool, Flat
 
 _FRUSTUM_M = 0.035
 
@@ -24,7 +26,10 @@ _FRUSTUM_M = 0.035
 class ConsoleScene:
     """Everything drawn on the table of one server. Used by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, limits: Limits, table: TablePlace = AT_BASE) -> None:
+    def __init__(
+        self, server: viser.ViserServer, limits: Limits, table: TablePlace = AT_BASE, stage: Stage | None = None
+    ) -> None:
+        held = stage.tool if stage else None
         self._scene = server.scene
         self._last = ConsoleState()
         self._frustums: dict[str, viser.CameraFrustumHandle] = {}
@@ -35,11 +40,12 @@ class ConsoleScene:
         self.horizon.show(False)
         self.expected = ParticleView(server, "/expected", palette.EXPECTED, opacity=0.6)
         self.paths = Paths(server)
-        self.tool = DrawnGripper(server, "/tool", palette.STEEL, opacity=None)
-        self.ghost = DrawnGripper(server, "/ghost", palette.BEST, opacity=0.55)
+        self.tool = DrawnTool(server, "/tool", palette.STEEL, opacity=None, tool=held)
+        self.ghost = DrawnTool(server, "/ghost", palette.BEST, opacity=0.55, tool=held)
         self.playing = True
         """True while the ghost makes the pending motion; False while another ghost shows a moment of it."""
         _furnish(server, limits.workspace, table)
+        draw_fixtures(server, stage.fixtures if stage else ())
         for number, volume in enumerate(limits.keep_out):
             _forbid(server, f"/kept_free/{number}", volume)
 
@@ -64,7 +70,7 @@ class ConsoleScene:
         if state.arm is None:
             self.tool.hide()
         elif state.arm is not last.arm:
-            self.tool.put(state.arm.pose[:3], state.arm.gripper)
+            self.tool.put(state.arm.pose, state.arm.gripper)
         self.paths.paint(state, last)
         self._play(state, now_s)
 

@@ -1,4 +1,4 @@
-"""The gripper as a palm and two fingers, tip down at the tool's position; a flat finger as a plate."""
+"""The tool: a gripper as a palm and two fingers, a flat finger as a plate, a paddle as a board, a bowl as it is."""
 
 from typing import NamedTuple, Self, final
 
@@ -6,11 +6,17 @@ import numpy as np
 import viser
 
 from app.core.errors import UsageError
+from app.core.geometry.shapes.base import Vector
+from app.core.geometry.shapes.tools import HeldBowl, Paddle, Tool
+from app.core.geometry.track import upright
 from app.core.task_name import TaskName
 from app.ui.parts.palette import Colour
+from app.ui.view.fixtures import draw_bowl
 
 _FINGER_M = (0.014, 0.014, 0.11)
 _OPENING_M = 0.085
+_POSE = 7
+"""Numbers of a pose: a place, and a quaternion."""
 
 
 class Flat(NamedTuple):
@@ -34,13 +40,22 @@ class Flat(NamedTuple):
 
 
 @final
-class DrawnGripper:
-    """A drawn gripper, made at the first `put`.
+class DrawnTool:
+    """A drawn tool, made at the first `put`: `tool`, or two fingers, of which only the tip's position is to scale.
 
-    It stands upright: only the tip's position is to scale, and of a flat finger also width and yaw.
+    A flat finger, which is told by a task's name, has the width and the yaw of that name.
     """
 
-    def __init__(self, server: viser.ViserServer, name: str, colour: Colour, *, opacity: float | None) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        name: str,
+        colour: Colour,
+        *,
+        opacity: float | None,
+        tool: Tool | None = None,
+    ) -> None:
+        self._tool = tool
         self._flat: Flat | None = None
         self._scene = server.scene
         self._name = name
@@ -49,17 +64,20 @@ class DrawnGripper:
         self._frame: viser.FrameHandle | None = None
         self._fingers: list[viser.BoxHandle] = []
 
-    def put(self, tip: np.ndarray, closed: float) -> None:
-        """Show it with its tip at `tip [m] (3,)`; `closed` is 0 for open and 1 for closed."""
-        if not np.isfinite(tip).all():
+    def put(self, pose: np.ndarray, closed: float) -> None:
+        """Show it at a pose: its tip [m], and its quaternion w x y z where it is known, or upright.
+
+        `closed` is 0 for open and 1 for closed.
+        """
+        if not np.isfinite(pose).all():
             return
         frame = self._frame or self._build()
-        frame.position = tip
+        frame.position = pose[:3]
+        if len(pose) >= _POSE and self._flat is None:
+            frame.wxyz = upright(pose[None, 3:_POSE].astype(np.float64))[0]
         frame.visible = True
-        if self._flat is not None:
-            return
         half_m = 0.5 * (_FINGER_M[0] + _OPENING_M * (1 - float(np.clip(closed, 0, 1))))
-        for side, finger in zip((-1, 1), self._fingers, strict=True):
+        for side, finger in zip((-1, 1), self._fingers, strict=False):
             finger.position = (side * half_m, 0.0, _FINGER_M[2] / 2)
 
     def become(self, flat: Flat | None) -> None:
@@ -80,28 +98,26 @@ class DrawnGripper:
         self._frame = self._scene.add_frame(
             self._name, show_axes=False, wxyz=(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
         )
-        shadow = self._opacity is None
-        sides, size = ("left", "right"), _FINGER_M
-        if self._flat is not None:
-            radius_m = self._flat.radius_m
-            sides, size = ("flat",), (2 * (self._flat.half_width_m + radius_m), 2 * radius_m, _FINGER_M[2])
-        self._fingers = [
-            self._scene.add_box(
-                f"{self._name}/finger_{side}",
-                color=self._colour,
-                dimensions=size,
-                opacity=self._opacity,
-                cast_shadow=shadow,
-                position=(0.0, 0.0, size[2] / 2),
-            )
-            for side in sides
-        ]
-        self._scene.add_box(
-            f"{self._name}/palm",
-            color=self._colour,
-            dimensions=(0.10, 0.05, 0.05),
-            opacity=self._opacity,
-            cast_shadow=shadow,
-            position=(0.0, 0.0, _FINGER_M[2] + 0.025),
-        )
+        middle = (0.0, 0.0, _FINGER_M[2] / 2)
+        match self._tool:
+            case HeldBowl(radius_m=radius_m, thickness_m=thickness_m):
+                draw_bowl(self._scene, f"{self._name}/bowl", radius_m, thickness_m, self._colour)
+            case Paddle(half_m=(x, y, z)):
+                self._box("board", (2 * x, 2 * y, 2 * z), (0.0, 0.0, 0.0))
+            case _ if self._flat is not None:
+                thick_m = 2 * self._flat.radius_m
+                self._box("finger_flat", (2 * self._flat.half_width_m + thick_m, thick_m, _FINGER_M[2]), middle)
+            case _:
+                self._fingers = [self._box(f"finger_{side}", _FINGER_M, middle) for side in ("left", "right")]
+        self._box("palm", (0.10, 0.05, 0.05), (0.0, 0.0, _FINGER_M[2] + 0.025))
         return self._frame
+
+    def _box(self, part: str, sides_m: Vector, middle_m: Vector) -> viser.BoxHandle:
+        return self._scene.add_box(
+            f"{self._name}/{part}",
+            color=self._colour,
+            dimensions=sides_m,
+            opacity=self._opacity,
+            cast_shadow=self._opacity is None,
+            position=middle_m,
+        )
