@@ -125,7 +125,7 @@ class SimulationBatch:
 
         `starts`: for each push the one from whose cloud the particles are, and their places now.
         """
-        rows, owners = np.array(list(starts)), np.array([owner for owner, _ in starts.values()])
+        rows, owners = list(starts), [owner for owner, _ in starts.values()]
         clouds = [points for _, points in starts.values()]
         label, middle = (
             np.stack(parts).astype(np.float32)
