@@ -90,20 +90,22 @@ def test_of_more_liquid_than_is_said_more_stands_and_as_much_less_is_taken_for_h
 def test_what_is_hidden_in_soup_changes_what_is_poured_and_nothing_before() -> None:
     control, soft = recorded(), recorded("piece_stiffness")
     assert control.task == "pour_soup"
-    assert np.array_equal(soft.pushes[0].before.points, control.pushes[0].before.points)
-    assert np.array_equal(soft.pushes[0].command.poses, control.pushes[0].command.poses)
-    assert BOWLS.share(soft.pushes[-1].after.points) > BOWLS.share(control.pushes[-1].after.points)
+    first, usual = soft.pushes[0], control.pushes[0]
+    # Softer pieces come to rest a little lower.
+    assert BOWLS.share(first.before.points) == BOWLS.share(usual.before.points) == 0.0
+    assert np.array_equal(first.command.poses, usual.command.poses)
+    assert BOWLS.share(first.after.points) > BOWLS.share(usual.after.points)
 
 
 @pytest.mark.slow
 def test_recordings_of_hidden_soup_are_read_as_pours_of_broth_and_pieces(tmp_path: Path) -> None:
     folder = tmp_path / "soup"
-    hide(("fill_level=0.2",), seed=5, output=folder, episodes=1, pushes=1, task="pour_soup")
+    hide(("fill_level=0.2",), seed=7, output=folder, episodes=1, pushes=1, task="pour_soup")
     study = read_study(sorted(folder.glob("*.mcap")))
     (push,) = study.pushes
     truth = json.loads((tmp_path / "soup.truth.json").read_text(encoding="utf-8"))
     (effect,) = truth["effects"]
-    assert abs(effect["parameters"]["fill_level"]["value"]) == pytest.approx(0.2)
+    assert effect["parameters"]["fill_level"]["value"] == pytest.approx(0.2)
     assert push.before.points.shape == (BROTH + PIECES, 3)
     # Pieces swim: they are the upper part of what is in the bowl.
     assert push.before.points[BROTH:, 2].mean() > push.before.points[:BROTH, 2].mean() + 0.003

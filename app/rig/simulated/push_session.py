@@ -114,7 +114,8 @@ class PushSession:
         """Random push for the last look; independent of any call before it."""
         world, _ = self._looked_at()
         rng, start_s = np.random.default_rng([self._seed, _TRACKS, self.number]), world.time_s + _PAUSE_S
-        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s, tool=self._last)
+        held = world.tool if self._last is None and self._testbed.in_hand else self._last
+        return self._testbed.draw_track(self.task, rng, world.nodes(), self.plan, start_s=start_s, tool=held)
 
     def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""

@@ -21,10 +21,11 @@ Before: TypeAlias = Float64[np.ndarray, "L 3"]
 class Testbed(Protocol):
     """A task's object as it is laid, moved at random, and told of in the sealed truth.
 
-    `holds`: the object stays in the tool from the first motion of an episode to its end.
+    `holds`: the object stays in the tool from the first motion of an episode to its end; `in_hand`: it is laid there.
     """
 
     holds: bool = False
+    in_hand: bool = False
 
     def body(self, task: Task) -> Body:
         """The object."""
@@ -58,7 +59,8 @@ class Testbed(Protocol):
     ) -> Track:
         """A random motion of the tool through the object at its nodes.
 
-        `tool`: where it holds the object, at the end of the last command; None of a tool that holds nothing.
+        `tool`: where it holds the object, at the end of the last command or as that was laid; None of a tool that holds
+        nothing.
         """
         ...
 

@@ -33,6 +33,7 @@ class BowlPours(Testbed):
     """
 
     holds = True
+    in_hand = True
 
     def __init__(self, further_rad: tuple[float, float] = WATER_FURTHER_RAD) -> None:
         self._further_rad = further_rad
@@ -72,18 +73,17 @@ class BowlPours(Testbed):
         start_s: float,
         tool: ToolPose | None = None,
     ) -> Track:
-        """See `random_pour`. `tool`: None where the liquid is still where it was laid."""
+        """See `random_pour`."""
         del plan
         bowls = liquid_in_bowls(task.stage)
-        centre = centre_of_bowl(nodes, bowls.held.radius_m, bowls.liquid.volume_m3) if tool is None else tool[:3]
-        held = np.linalg.norm(nodes - centre, axis=1) < bowls.held.radius_m + bowls.held.thickness_m
-        share = 1.0 if tool is None else float(held.mean())
+        assert tool is not None, "the bowl is in the hand"
+        held = np.linalg.norm(nodes - tool[:3], axis=1) < bowls.held.radius_m + bowls.held.thickness_m
         x, y, _ = bowls.fixed.place_m
         motion = random_pour(
             rng,
-            np.array([*centre[:2], _height_m(task)]),
+            np.array([*tool[:2], _height_m(task)]),
             (x, y),
-            volume_m3=share * bowls.liquid.volume_m3,
+            volume_m3=float(held.mean()) * bowls.liquid.volume_m3,
             radius_m=bowls.held.radius_m,
             further_rad=self._further_rad,
         )
