@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.config import KeepOut, Limits
 from app.core.geometry.scene_description import Stage
+from app.core.geometry.shapes.tools import Gripper
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.motion import TOOL_DOWN
 from app.tasks import load
@@ -97,6 +98,21 @@ def test_the_tool_is_turned_as_the_arm_has_it() -> None:
         assert isinstance(handle, viser.FrameHandle)
         drawn_turn = Rotation.from_quat(handle.wxyz, scalar_first=True)
         assert (drawn_turn * leans.inv()).magnitude() == pytest.approx(0.0, abs=1e-6)
+    finally:
+        server.stop()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("closed", "apart_m"), [(0.0, 0.08), (1.0, 0.0)])
+def test_the_fingers_of_a_gripper_are_as_far_apart_as_it_opens(closed: float, apart_m: float) -> None:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        tool = Gripper(half_m=(0.01, 0.005, 0.03), opening_m=0.08, closed_m=0.006)
+        DrawnTool(server, "/tool", palette.STEEL, opacity=None, tool=tool).put(np.zeros(3), closed)
+        left, right = (server.scene.get_handle_by_name(f"/tool/finger_{side}") for side in ("left", "right"))
+        assert isinstance(left, viser.BoxHandle)
+        assert isinstance(right, viser.BoxHandle)
+        assert right.position - left.position == pytest.approx([0.0, apart_m + 0.01, 0.0])
     finally:
         server.stop()
 

@@ -7,7 +7,7 @@ import viser
 
 from app.core.errors import UsageError
 from app.core.geometry.shapes.base import Vector
-from app.core.geometry.shapes.tools import HeldBowl, Paddle, Tool
+from app.core.geometry.shapes.tools import Gripper, HeldBowl, Paddle, Tool
 from app.core.geometry.track import upright
 from app.core.task_name import TaskName
 from app.ui.parts.palette import Colour
@@ -56,6 +56,10 @@ class DrawnTool:
         tool: Tool | None = None,
     ) -> None:
         self._tool = tool
+        self._finger_m, self._opening_m, self._across = _FINGER_M, _OPENING_M, 0
+        if isinstance(tool, Gripper):
+            x, y, z = tool.half_m
+            self._finger_m, self._opening_m, self._across = (2 * x, 2 * y, 2 * z), tool.opening_m, 1
         self._flat: Flat | None = None
         self._scene = server.scene
         self._name = name
@@ -76,9 +80,11 @@ class DrawnTool:
         if len(pose) >= _POSE and self._flat is None:
             frame.wxyz = upright(pose[None, 3:_POSE].astype(np.float64))[0]
         frame.visible = True
-        half_m = 0.5 * (_FINGER_M[0] + _OPENING_M * (1 - float(np.clip(closed, 0, 1))))
+        apart_m = self._finger_m[self._across] + self._opening_m * (1 - float(np.clip(closed, 0, 1)))
         for side, finger in zip((-1, 1), self._fingers, strict=False):
-            finger.position = (side * half_m, 0.0, _FINGER_M[2] / 2)
+            place = np.array([0.0, 0.0, self._finger_m[2] / 2])
+            place[self._across] = side * apart_m / 2
+            finger.position = place
 
     def become(self, flat: Flat | None) -> None:
         """Draw it as this flat finger from the next `put` on, or as two fingers."""
@@ -98,7 +104,7 @@ class DrawnTool:
         self._frame = self._scene.add_frame(
             self._name, show_axes=False, wxyz=(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
         )
-        middle = (0.0, 0.0, _FINGER_M[2] / 2)
+        middle = (0.0, 0.0, self._finger_m[2] / 2)
         match self._tool:
             case HeldBowl(radius_m=radius_m, thickness_m=thickness_m):
                 draw_bowl(self._scene, f"{self._name}/bowl", radius_m, thickness_m, self._colour)
@@ -108,8 +114,8 @@ class DrawnTool:
                 thick_m = 2 * self._flat.radius_m
                 self._box("finger_flat", (2 * self._flat.half_width_m + thick_m, thick_m, _FINGER_M[2]), middle)
             case _:
-                self._fingers = [self._box(f"finger_{side}", _FINGER_M, middle) for side in ("left", "right")]
-        self._box("palm", (0.10, 0.05, 0.05), (0.0, 0.0, _FINGER_M[2] + 0.025))
+                self._fingers = [self._box(f"finger_{side}", self._finger_m, middle) for side in ("left", "right")]
+        self._box("palm", (0.10, 0.05, 0.05), (0.0, 0.0, self._finger_m[2] + 0.025))
         return self._frame
 
     def _box(self, part: str, sides_m: Vector, middle_m: Vector) -> viser.BoxHandle:
