@@ -74,7 +74,7 @@ class ControlLoop:
         since_s = min(now_s, now_s - elapsed_s + self._timing.arm_period_s)
         self._hear_stop_and_reset()
         self._hear_watcher(since_s, now_s)
-        self._hear_motion(now_s)
+        self._hear_motion(since_s)
         self._hear_jogs(since_s, now_s)
         self._watch(now_s)
         self._wake(elapsed_s)
@@ -93,14 +93,14 @@ class ControlLoop:
             self._reset_ns = reset_ns
             self._control.reset()
 
-    def _hear_motion(self, now_s: float) -> None:
-        """Begin the newest motion posted since the last one, or report its refusal."""
+    def _hear_motion(self, since_s: float) -> None:
+        """Begin the newest motion posted since the last one, which came after `since_s`, or report its refusal."""
         if self._memory.motions.count == self._heard:
             return
         self._heard, request = self._memory.motions.count, self._memory.motions.newest()
         try:
             begin(self._control, motion_of(request), bytes(request["digest"]).decode(), self._site)
-            self._begun, self._heard_s = self._heard, now_s
+            self._begun, self._heard_s = self._heard, max(self._heard_s, since_s)
         except MotionRefused as refusal:
             self._refuse(self._heard, refusal)
 

@@ -14,11 +14,13 @@ from app.core.types import ToolPath, ToolPose
 
 _PERIOD_S: Final = 0.06
 """Time from one position to the next: the lines between them leave the way of a tool that speeds up to 0.4 m/s and
-down again within 0.1 m, or turns about a point 0.1 m away, by less than a millimetre."""
+down again within 0.1 m, or turns about a point 0.1 m away, by less than two millimetres."""
 _STILL_M: Final = 1e-5
 _REST_S: Final = 0.1
 """A rest on the way that is shorter is left out."""
 _NOD_M: Final = 1e-3
+_APPROACH_M_S: Final = 0.1
+"""Speed to the first pose, which may be millimetres from where the arm has been told to be."""
 _SLOWEST_M_S: Final = 1e-4
 _TICK_S: Final = 0.01
 
@@ -36,7 +38,7 @@ def motion_along(track: Track, site: Site) -> Motion:
     moving = np.flatnonzero(steps > _STILL_M)
     if not len(moving):
         raise PlanningError("The tool stands still all the way, which is no motion.")
-    way, speeds, rested_s = [poses[0]], [_SLOWEST_M_S], 0.0
+    way, speeds, rested_s = [poses[0]], [_APPROACH_M_S], 0.0
     for index in range(moving[0], moving[-1] + 1):
         if steps[index] <= _STILL_M:
             rested_s += step_s

@@ -26,6 +26,8 @@ if TYPE_CHECKING:  # The planner and the simulator are loaded in the planner's p
     from app.planner.search.plan import Plan
 
 _MOVED_M = 1e-3
+_TURNED = 1e-5
+"""One minus the cosine of half an angle, half a degree, within which orientations are the same."""
 
 
 @final
@@ -195,8 +197,10 @@ class Asking:
 
 
 def _about(wanted: Motion, offered: Motion) -> str:
-    apart_m = float(np.linalg.norm((offered.positions[0] - wanted.positions[0])[:2]))
-    if apart_m < _MOVED_M:
+    axes = slice(3 if offered.continues else 2)
+    apart_m = float(np.linalg.norm((offered.positions[0] - wanted.positions[0])[axes]))
+    turned = 1 - abs(float(offered.poses[0, 3:7] @ wanted.poses[0, 3:7]))
+    if apart_m < _MOVED_M and (turned < _TURNED or not offered.continues):
         return "Offered: the motion that discovery asks for, as it asks for it."
     if offered.continues:
         return (

@@ -48,6 +48,20 @@ def test_in_time_it_goes_on_for_the_watchdog_s_time_after_the_last_word() -> Non
     assert WATCHDOG_S - PERIOD_S <= arm.lasts_s() <= WATCHDOG_S + 2 * PERIOD_S
 
 
+def test_a_motion_that_was_read_late_may_have_come_as_long_before() -> None:
+    arm = Moving()
+    further = Motion(positions=np.array([[0.45, -0.2, 0.1]]), speeds=np.array([SITE.limits.speed_m_s]))
+    for _ in range(400):
+        arm.memory.keepalives.value += 1
+        arm.tick(PERIOD_S)
+    assert arm.control.mode == "idle"
+    arm.memory.motions.append(digest=further.digest().encode(), **encode_motion(further))
+    arm.memory.keepalives.value += 1
+    arm.tick(LATE_S)
+    assert arm.control.mode == "moving"
+    assert arm.lasts_s() <= WATCHDOG_S - LATE_S + 3 * PERIOD_S
+
+
 def test_a_word_that_was_read_late_may_have_come_as_long_before() -> None:
     arm = Moving()
     arm.memory.keepalives.value += 1

@@ -36,9 +36,16 @@ def padded(track: Track, count: int) -> np.ndarray:
     return np.concatenate([poses, np.zeros((count, 8 - poses.shape[1]))], axis=1) * SCALE
 
 
+def test_a_tool_that_is_a_little_beside_the_first_pose_is_there_at_once() -> None:
+    motion = motion_along(pour(1), SITE)
+    beside_it = motion.poses[0] + np.array([1e-3, 0.0, 0.0, *[0.0] * 4, 2e-3])
+    late_s = made_track(beside_it, motion, SITE).end_s - made_track(motion.poses[0], motion, SITE).end_s
+    assert late_s < 0.3
+
+
 @pytest.mark.parametrize("make", [carry, pour])
 @pytest.mark.parametrize("seed", range(4))
-def test_an_arm_makes_the_way_at_its_places_and_no_faster(make: Callable[[int], Track], seed: int) -> None:
+def test_an_arm_makes_the_way_at_its_places_and_about_as_fast(make: Callable[[int], Track], seed: int) -> None:
     wanted = make(seed)
     motion = motion_along(wanted, SITE)
     check_motion(motion, motion.digest(), SITE)
@@ -50,7 +57,7 @@ def test_an_arm_makes_the_way_at_its_places_and_no_faster(make: Callable[[int], 
     assert apart.min(0).max() < 0.003
     np.testing.assert_allclose(way[[0, -1]], reference[[0, -1]], atol=1e-3)
     span_s = wanted.end_s - wanted.times_s[0]
-    assert 0.8 * span_s < made.end_s + 0.6
+    assert 0.9 * span_s < made.end_s < 1.2 * span_s
     speeds = np.linalg.norm(np.diff(made.positions, axis=0), axis=1) / np.diff(made.times_s)
     assert speeds.max() <= SITE.limits.speed_m_s * 1.01
 

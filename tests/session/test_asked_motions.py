@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from app.config import Site
@@ -18,7 +17,7 @@ from tests.session.cell import MemoryLog, small_site
 from tests.session.rig import SmallRig
 from tests.session.test_model_monitor import Shown
 from tests.session.virtual import InsideWorker, VirtualClock
-from tests.tasks.test_suggested_held import AT, carry, gripper
+from tests.tasks.test_suggested_held import carry, gripper, hanging
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
@@ -26,11 +25,9 @@ TASK = load("cloth_hang")
 COUNT = TASK.preset("cpu").particle_count
 
 
-def hanging() -> Particles:
+def seen() -> Particles:
     """A cloth that hangs from a gripper."""
-    rng = np.random.default_rng(0)
-    u, z = rng.uniform(-0.06, 0.06, COUNT), rng.uniform(-0.01, 0.2, COUNT)
-    x = (AT + np.stack([u, np.zeros(COUNT), -z], axis=1)).astype(np.float32)
+    x = hanging(COUNT)
     return Particles(id=fresh_id("particles"), time_s=1.0, positions=x, surface=x, reconstruction_s=0.1)
 
 
@@ -52,7 +49,7 @@ async def test_a_carry_waits_for_a_grasp_and_other_decisions_do_not_drop_it(tmp_
         sensing = Sensing(SmallRig(small_site(tmp_path)), TASK.reconstruction("cpu"), Summary(), announcer, clock)
         probing = Probing(config, planner, Site(), sensing, announcer, clock)
         asking = Asking(config, announcer, planner, Site(), probing)
-        goal, model, x = config.goal.positions, nominal_model(TASK.name), hanging()
+        goal, model, x = config.goal.positions, nominal_model(TASK.name), seen()
         for _ in range(2):
             assert await asking.plan(x, goal, model, tool=gripper((0, 0, 0), 0.0, 0.08)) is None
             asking.drop_offered()

@@ -75,7 +75,7 @@ def test_the_arm_stands_where_it_does_beside_the_table() -> None:
     ("task", "parts"),
     [
         ("pour_water", (b"/fixtures/0", b"/tool/bowl")),
-        ("cloth_hang", (b"/fixtures/0/1", b"/tool/finger_left")),
+        ("cloth_hang", (b"/fixtures/0", b"/tool/finger_left")),
         ("bean_sweep", (b"/fixtures/0", b"/tool/board")),
     ],
 )

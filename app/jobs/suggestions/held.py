@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.errors import PlanningError
 from app.core.motion import Motion
-from app.core.types import ToolPose
+from app.core.types import Points, ToolPose
 from app.planner.actions.carry_actions import Carries
 from app.planner.actions.pour_actions import Pours
 
@@ -19,24 +18,28 @@ Held: TypeAlias = Carries | Pours
 _APPROACH_M_S = 0.10
 _THERE_M = 1e-3
 """A tool this near to where a motion begins is there."""
+_HELD_M = 0.04
+"""A held object has points this near to the fingertips: cameras do not see the 2 cm that are between the fingers."""
 _LEAN_RAD = 0.1
 """A tool stands upright within this angle, by which a bowl that is filled to half its radius spills nothing."""
 
 
-def waits_for(tool: ToolPose, actions: Held) -> str:
-    """The condition on which a motion can go on from here; empty where it holds."""
+def waits_for(tool: ToolPose, x: Points, actions: Held) -> str:
+    """The condition on which a motion of the object `x` (N, 3) [m] can go on from here; empty where it holds."""
     if isinstance(actions, Carries):
-        return "the gripper holds the cloth" if tool[7] > sum(actions.openings_m) / 2 else ""
+        is_open = tool[7] > sum(actions.openings_m) / 2
+        holds = not is_open and float(np.linalg.norm(x - tool[:3], axis=1).min()) < _HELD_M
+        return "" if holds else "the gripper holds the cloth"
     axis = _turn(tool).apply([0.0, 0.0, 1.0])
     return "the held bowl is upright" if np.arccos(np.clip(-axis[2], -1.0, 1.0)) > _LEAN_RAD else ""
 
 
-def begin_at(asked: Motion, tool: ToolPose, actions: Held, bowls: "PouredBowls | None") -> Motion:
+def begin_at(asked: Motion, tool: ToolPose, actions: Held, bowls: "PouredBowls | None") -> Motion | str:
     """The motion, turned about the vertical and moved so that it begins where the tool is.
 
     A carry is turned as the gripper is. A pour is turned about the bowl that stands, beside which the held one is; from
-    elsewhere beside it the tool goes to where the pour begins first. Raises PlanningError where it would leave the
-    places that the task's actions may end at.
+    elsewhere beside it the tool goes to where the pour begins first. Where it would leave the places that the task's
+    actions may end at, the place nearer to which the tool has to be is returned, as of `waits_for`.
     """
     first = asked.poses[0]
     if bowls is None:
@@ -57,10 +60,7 @@ def begin_at(asked: Motion, tool: ToolPose, actions: Held, bowls: "PouredBowls |
         speeds = np.concatenate([speeds[:1], [min(_APPROACH_M_S, float(speeds.max()))], speeds[1:]])
     positions[0] = tool[:3]
     if not actions.contains(positions[1:]):
-        raise PlanningError(
-            f"from where the tool is, ({_metres(tool)}) m, it would leave where the tool may go; begin nearer to "
-            f"({_metres(first)}) m, where it was drawn for, or go on with plans as usual."
-        )
+        return f"the tool is nearer to ({_metres(first)}) m, as it would leave where the tool may go from here"
     return Motion(positions=positions, speeds=speeds, turns=turns, openings=openings, continues=True)
 
 

@@ -89,12 +89,14 @@ class SuggestedPlanner:
         """The same of a motion of the tool that holds the object."""
         if self.tool is None:
             raise PlanningError("nobody knows where the tool is that holds the object.")
-        if until := waits_for(self.tool, actions):
-            return until
         allowed_for, here = self._correction, self.tool
         x = allowed_for.unproject(observed, here) if allowed_for else observed
         here = allowed_for.true_tool(here) if allowed_for else here
+        if until := waits_for(here, x, actions):
+            return until
         made = begin_at(asked, here, actions, subject_of(task).bowls)
+        if isinstance(made, str):
+            return made
         try:
             track = made_track(here, made, self.site)
         except MotionRefused as refused:

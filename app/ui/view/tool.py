@@ -7,14 +7,17 @@ import viser
 
 from app.core.errors import UsageError
 from app.core.geometry.shapes.base import Vector
-from app.core.geometry.shapes.tools import Gripper, HeldBowl, Paddle, Tool
+from app.core.geometry.shapes.meshes import bowl_mesh
+from app.core.geometry.shapes.tools import Tool
 from app.core.geometry.track import upright
 from app.core.task_name import TaskName
 from app.ui.parts.palette import Colour
-from app.ui.view.fixtures import draw_bowl
+from app.ui.view.fixtures import SEEN_THROUGH
 
 _FINGER_M = (0.014, 0.014, 0.11)
 _OPENING_M = 0.085
+_WALL_M = 0.003
+"""Wall of a drawn bowl, of which the outer radius is to scale."""
 _POSE = 7
 """Numbers of a pose: a place, and a quaternion."""
 
@@ -57,9 +60,9 @@ class DrawnTool:
     ) -> None:
         self._tool = tool
         self._finger_m, self._opening_m, self._across = _FINGER_M, _OPENING_M, 0
-        if isinstance(tool, Gripper):
-            x, y, z = tool.half_m
-            self._finger_m, self._opening_m, self._across = (2 * x, 2 * y, 2 * z), tool.opening_m, 1
+        if tool is not None and (fingers := tool.fingers) is not None:
+            x, y, z = fingers.half_m
+            self._finger_m, self._opening_m, self._across = (2 * x, 2 * y, 2 * z), fingers.opening_m, 1
         self._flat: Flat | None = None
         self._scene = server.scene
         self._name = name
@@ -73,11 +76,11 @@ class DrawnTool:
 
         `closed` is 0 for open and 1 for closed.
         """
-        if not np.isfinite(pose).all():
+        if not np.isfinite(pose[:3]).all():
             return
         frame = self._frame or self._build()
         frame.position = pose[:3]
-        if len(pose) >= _POSE and self._flat is None:
+        if len(pose) >= _POSE and np.isfinite(pose).all() and self._flat is None:
             frame.wxyz = upright(pose[None, 3:_POSE].astype(np.float64))[0]
         frame.visible = True
         apart_m = self._finger_m[self._across] + self._opening_m * (1 - float(np.clip(closed, 0, 1)))
@@ -105,16 +108,24 @@ class DrawnTool:
             self._name, show_axes=False, wxyz=(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
         )
         middle = (0.0, 0.0, self._finger_m[2] / 2)
-        match self._tool:
-            case HeldBowl(radius_m=radius_m, thickness_m=thickness_m):
-                draw_bowl(self._scene, f"{self._name}/bowl", radius_m, thickness_m, self._colour)
-            case Paddle(half_m=(x, y, z)):
-                self._box("board", (2 * x, 2 * y, 2 * z), (0.0, 0.0, 0.0))
-            case _ if self._flat is not None:
-                thick_m = 2 * self._flat.radius_m
-                self._box("finger_flat", (2 * self._flat.half_width_m + thick_m, thick_m, _FINGER_M[2]), middle)
-            case _:
-                self._fingers = [self._box(f"finger_{side}", self._finger_m, middle) for side in ("left", "right")]
+        bowl_m, board_m = (self._tool.bowl_m, self._tool.board_m) if self._tool else (None, None)
+        if bowl_m is not None:
+            wall = bowl_mesh(bowl_m - _WALL_M, _WALL_M)
+            self._scene.add_mesh_simple(
+                *(f"{self._name}/bowl", wall.vertices, wall.faces),
+                color=self._colour,
+                opacity=SEEN_THROUGH,
+                side="double",
+                cast_shadow=False,
+            )
+        elif board_m is not None:
+            x, y, z = board_m
+            self._box("board", (2 * x, 2 * y, 2 * z), (0.0, 0.0, 0.0))
+        elif self._flat is not None:
+            thick_m = 2 * self._flat.radius_m
+            self._box("finger_flat", (2 * self._flat.half_width_m + thick_m, thick_m, _FINGER_M[2]), middle)
+        else:
+            self._fingers = [self._box(f"finger_{side}", self._finger_m, middle) for side in ("left", "right")]
         self._box("palm", (0.10, 0.05, 0.05), (0.0, 0.0, self._finger_m[2] + 0.025))
         return self._frame
 

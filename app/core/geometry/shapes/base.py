@@ -4,7 +4,7 @@ A class of `tools.py` or `fixtures.py` is all that perception, goals and the arm
 world or a picture that makes something of its own of it, in `app/rig/simulated`, asks for its type.
 """
 
-from typing import ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool
@@ -12,6 +12,9 @@ from jaxtyping import Bool
 from app.core.geometry.shapes.hulls import Corners
 from app.core.geometry.shapes.outlines import Outline
 from app.core.types import Cloud, ToolPose
+
+if TYPE_CHECKING:
+    from app.core.geometry.shapes.meshes import TriangleMesh
 
 Colour: TypeAlias = tuple[float, float, float]
 """RGB albedo in 0..1."""
@@ -66,8 +69,14 @@ class ToolGeometry(Protocol):
 
 
 class FixtureGeometry(Protocol):
-    """Geometry of a kind of fixture, which stands where it is."""
+    """Geometry of a kind of fixture, which stands where it is. `is_hollow`: the object may be in it."""
+
+    is_hollow: ClassVar[bool] = False
 
     def contains(self, points: Cloud, margin_m: float) -> Bool[np.ndarray, " M"]:
         """Mask of the points (M, 3) [m] that lie deeper than `margin_m` inside the solid."""
+        ...
+
+    def mesh(self) -> "TriangleMesh":
+        """Its surface in the world, for pictures."""
         ...

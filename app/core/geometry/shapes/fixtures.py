@@ -1,19 +1,24 @@
 """Fixtures on the table, each with its geometry. A kind of fixture is a class here, and a member of `Fixture`."""
 
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import ClassVar, Final, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Bool
 
 from app.core.geometry.shapes.base import Colour, FixtureGeometry, Vector
+from app.core.geometry.shapes.meshes import TriangleMesh, bowl_mesh, box_mesh, rod_mesh, union_mesh
 from app.core.types import Cloud
+
+_MAT_M: Final = 0.001
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Bowl(FixtureGeometry):
     """Half of a hollow sphere, upright and fixed, with its sphere's centre at `place_m`; `radius_m`: the inner one."""
+
+    is_hollow: ClassVar[bool] = True
 
     radius_m: float
     thickness_m: float
@@ -26,6 +31,10 @@ class Bowl(FixtureGeometry):
         away = points.astype(np.float64) - self.place_m
         off_wall = np.abs(np.linalg.norm(away, axis=1) - self.radius_m - self.thickness_m / 2)
         return (off_wall < self.thickness_m / 2 - margin_m) & (away[:, 2] < 0)
+
+    def mesh(self) -> TriangleMesh:
+        """Its wall."""
+        return bowl_mesh(self.radius_m, self.thickness_m, self.place_m)
 
 
 @final
@@ -43,6 +52,10 @@ class Obstacle(FixtureGeometry):
         away = np.abs(points.astype(np.float64) - self.place_m)
         return np.all(away < np.asarray(self.half_m) - margin_m, axis=1)
 
+    def mesh(self) -> TriangleMesh:
+        """The box."""
+        return box_mesh(self.half_m, self.place_m)
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +70,11 @@ class Mat(FixtureGeometry):
         """None: it has no height."""
         del margin_m
         return np.zeros(len(points), np.bool_)
+
+    def mesh(self) -> TriangleMesh:
+        """The mark, as thick as a mat."""
+        x, y = self.place_m
+        return rod_mesh((x, y, 0.0), (x, y, _MAT_M), self.radius_m)
 
 
 @final
@@ -87,6 +105,10 @@ class Rack(FixtureGeometry):
             at = np.clip((x - start) @ along, 0.0, np.linalg.norm(end - start))
             deep |= np.linalg.norm(x - start - at[:, None] * along, axis=1) < self.radius_m - margin_m
         return deep
+
+    def mesh(self) -> TriangleMesh:
+        """The rods."""
+        return union_mesh([rod_mesh(start, end, self.radius_m) for start, end in self.ends_m()])
 
 
 Fixture: TypeAlias = Obstacle | Bowl | Mat | Rack
