@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.arm.control import Control
-from app.arm.path import route
+from app.arm.path import at_travel_height, route
 from app.config import Limits, Site
 from app.core.errors import MotionRefused
 from app.core.motion import Motion
@@ -52,6 +52,21 @@ def way(tool: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[n
     _check_free(points[:, :3], site.limits, "The way to the motion")
     _check_reach(points, site.limits, "The way to the motion")
     return points, speeds
+
+
+def refusal(motion: Motion, site: Site, tool: ToolPose | None = None) -> str:
+    """Why the arm's own process would not make the motion, in its words; empty where it would.
+
+    It begins at the pose of the `tool`; where that is unknown, above its first position, or there if it continues.
+    """
+    first = np.asarray(motion.poses[0])
+    above = first if motion.continues else at_travel_height(first, site)
+    try:
+        check_motion(motion, motion.digest(), site)
+        way(above if tool is None else tool, motion, site)
+    except MotionRefused as refused:
+        return str(refused)
+    return ""
 
 
 def check_motion(motion: Motion, digest: str, site: Site) -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from app.arm.gate import refusal
 from app.commands._hiding import PushRecordingConfig, RecordedCell, Stopwatch
 from app.config import Site
 from app.core.errors import PlanningError, UsageError
@@ -16,7 +17,7 @@ from app.core.task_name import recorded_name
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
-from app.jobs.probed import belief, next_probe, probe_motion, probed_subject, refusal
+from app.jobs.probed import belief, next_probe, probe_motion, probed_subject
 from app.perception.body.resample_to_count import resample_to
 from app.rig.simulated.push_session import PushSample
 from app.session.loop import complete, go_round

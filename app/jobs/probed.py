@@ -9,12 +9,9 @@ import pickle
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
-import numpy as np
-
-from app.arm.gate import check_motion, way
-from app.arm.path import at_travel_height
+from app.arm.gate import refusal
 from app.config import Site
-from app.core.errors import MotionRefused, UsageError
+from app.core.errors import UsageError
 from app.core.geometry.scene_description import Rope
 from app.perception.body.resample_to_count import resample_to
 
@@ -188,13 +185,3 @@ def probe_motion(task: Task, track: Track, site: Site) -> Motion:
 
     assert isinstance(task.actions, Pushes)
     return stroke_along(track, task.actions, site)
-
-
-def refusal(motion: Motion, site: Site) -> str:
-    """Why the arm's own process would not make a motion that begins above its first position; empty where it would."""
-    try:
-        check_motion(motion, motion.digest(), site)
-        way(at_travel_height(np.asarray(motion.poses[0]), site), motion, site)
-    except MotionRefused as refused:
-        return str(refused)
-    return ""

@@ -9,13 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from app.arm.gate import refusal
 from app.commands._case import MODEL, VERDICT
 from app.commands._pushes import PUSHES, motions_in, read_pushes, write_pushes
 from app.commands.probe import probe
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.discovery.experiments.probe_pushes import Probe
-from app.jobs.probed import refusal
 from app.policy.random_pushes import PushDesign, random_track
 from app.report.schema import PushesFile, VerdictFile
 from app.services.study import read_study

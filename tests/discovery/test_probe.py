@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float64
 
+from app.arm.gate import refusal
 from app.config import KeepOut, Limits, Site
 from app.core.errors import PlanningError
 from app.core.geometry.track import Track
@@ -37,7 +38,7 @@ from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import Step
 from app.jobs.discovery_subject import subject_of
-from app.jobs.probed import probe_motion, refusal, scene
+from app.jobs.probed import probe_motion, scene
 from app.policy.random_pushes import REGION, PushDesign, Stroke, stroke_through
 from app.tasks import load
 from app.tasks.elements.curves import fill_tube

@@ -16,7 +16,7 @@ def cap_depth_m(volume_m3: float, radius_m: float) -> float:
 def cap_volume_m3(centroid_m: float, radius_m: float) -> float:
     """Volume [m^3] of the cap whose centroid is so far [m] below the sphere's centre; at most that of the bowl."""
     depths = np.linspace(radius_m, 0.0, 513)
-    below_m = 3 * (2 * radius_m - depths) ** 2 / (4 * (3 * radius_m - depths))
+    below_m = [cap_centroid_m(depth_m, radius_m) for depth_m in depths.tolist()]
     depth = float(np.interp(centroid_m, below_m, depths))
     return float(np.pi * depth**2 * (3 * radius_m - depth) / 3)
 

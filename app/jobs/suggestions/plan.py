@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float32
 
-from app.arm.gate import check_motion, way
-from app.arm.path import at_travel_height
+from app.arm.gate import refusal
 from app.arm.timed_motion import made_track, motion_along
 from app.config import Site
 from app.core.errors import MotionRefused, PlanningError
@@ -118,12 +117,8 @@ class SuggestedPlanner:
         if not np.isfinite(predicted).all():
             raise PlanningError("its simulation became non-finite; planning as usual.")
         motion = self._correction.command(made, x, predicted, self.site) if self._correction else made
-        above = motion.poses[0] if motion.continues else at_travel_height(motion.poses[0], self.site)
-        try:
-            check_motion(motion, motion.digest(), self.site)
-            way(above if self.tool is None else self.tool, motion, self.site)
-        except MotionRefused as refused:
-            raise PlanningError(f"{refused} Planning as usual.") from None
+        if refused := refusal(motion, self.site, self.tool):
+            raise PlanningError(f"{refused} Planning as usual.")
         shown = self._correction.observe(predicted) if self._correction else predicted
         branch = Branch(
             origin="asked",

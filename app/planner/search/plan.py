@@ -10,10 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.arm.gate import check_motion, way
-from app.arm.path import at_travel_height
-from app.config import Site
-from app.core.errors import MotionRefused, PlanningError
+from app.arm.gate import refusal
+from app.core.errors import PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
@@ -132,7 +130,7 @@ def choose(
         return motion if command is None else command(motion, request.observed, branches[index].predicted)
 
     order = _by_cost(found, branches, request.rejected)
-    possible = ((index, motion) for index in order if _may_be_made(motion := commanded(index), told, site))
+    possible = ((index, motion) for index in order if not refusal(motion := commanded(index), site, told))
     chosen = next(possible, None)
     if chosen is None:
         raise PlanningError(
@@ -160,17 +158,6 @@ def _by_cost(found: OptimizedRollouts, branches: Sequence[Branch], rejected: Way
     cost = np.asarray(found.best.cost)
     usable: list[int] = np.flatnonzero(np.asarray(found.finite & found.best.allowed)).tolist()
     return sorted(usable, key=lambda index: (_is_among(branches[index].tool_path, rejected), float(cost[index])))
-
-
-def _may_be_made(motion: Motion, tool: ToolPose | None, site: Site) -> bool:
-    """True if the arm's own process would make it, from the tool's pose or, if unknown, from above."""
-    above = motion.poses[0] if motion.continues else at_travel_height(motion.poses[0], site)
-    try:
-        check_motion(motion, motion.digest(), site)
-        way(above if tool is None else tool, motion, site)
-    except MotionRefused:
-        return False
-    return True
 
 
 def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
