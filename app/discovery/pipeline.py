@@ -4,7 +4,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import final
+from typing import NamedTuple, final
 
 import jax
 import numpy as np
@@ -16,8 +16,9 @@ from app.discovery.checks.direct_checks import direct_checks
 from app.discovery.checks.frames import frame_tests
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centre, move_back, reach_m
-from app.discovery.checks.soundness import model_limits
+from app.discovery.checks.soundness import gain_limits, model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta, setup_of
+from app.discovery.dataset.names import motion_name
 from app.discovery.dataset.object_kinds import ObjectTraits
 from app.discovery.dataset.study import Study
 from app.discovery.experiments.next_push import CANDIDATES, next_push
@@ -30,7 +31,7 @@ from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
 from app.discovery.results.case import Amount, Case, CauseResult, Gain, Limit, ResidualField
 from app.discovery.results.formula_text import formula_of
-from app.discovery.results.gain import measure_gain
+from app.discovery.results.gain import Gained, measure_gain
 from app.discovery.results.verdict import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
 from app.discovery.unexplained.formula import NO_FORCE, UnexplainedForce, fit_unexplained_force
 
@@ -55,7 +56,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     stages = Stages(said)
     found = judge(study, subject, stages, about)
     predictor, trials, screening, decision = found.predictor, found.trials, found.screening, found.decision
-    study, refitted, limits = trials.study, found.about, found.limits
+    study, refitted = trials.study, found.about
     with stages.stage("direct checks"):
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
     with stages.stage("frames"):
@@ -67,12 +68,10 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
             if trials.kind.is_poured  # Forces of the library are those over a table.
             else fit_unexplained_force(predictor, trials, screening, decision, said)
         )
-    verdict, names = verdict_of(decision, limits, open_ended)
-    model = _model(verdict, decision, open_ended)
+    with stages.stage("gain on episodes left out"):
+        verdict, names, model, gain, limits = conclude(found, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
     left = float(np.maximum(open_ended.left.probability, decision.unknown))  # NaN where it was not looked for.
-    with stages.stage("gain on episodes left out"):
-        gain = measure_gain(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
     with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
@@ -153,6 +152,30 @@ def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None 
     )
 
 
+class Conclusion(NamedTuple):
+    """Verdict with the causes that it is about, the model to save, its gain, and the limits of all that."""
+
+    verdict: VerdictKind
+    names: tuple[str, ...]
+    model: RefinedModel | None
+    gain: Gained
+    limits: tuple[Limit, ...]
+
+
+def conclude(found: Judged, open_ended: UnexplainedForce) -> Conclusion:
+    """The verdict; none where its model predicts surely worse than the nominal one, whatever the fit says."""
+    decision = found.decision
+    verdict, names = verdict_of(decision, found.limits, open_ended)
+    model = _model(verdict, decision, open_ended)
+    gain = measure_gain(found.predictor, found.trials, found.screening, model)
+    is_named = model is not None and verdict != "set"
+    limits = (*found.limits, *gain_limits(gain.gain, found.trials.kind, is_named=is_named))
+    if is_named and gain.gain.is_loss:
+        kept = measure_gain(found.predictor, found.trials, found.screening, None)
+        return Conclusion("none", (), None, kept, limits)
+    return Conclusion(verdict, names, model, gain, limits)
+
+
 def _model(verdict: VerdictKind, decision: ModelSelection, open_ended: UnexplainedForce) -> RefinedModel | None:
     """Model to save: that of the verdict's formula, or of its causes."""
     if verdict == "none":
@@ -228,9 +251,9 @@ def _gain_text(gain: Gain, kind: ObjectTraits) -> str:
             "On episodes that it was not fitted to, the nominal model errs by nothing, so that nothing can be gained."
         )
     return (
-        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {kind.unit} a push "
-        f"where the nominal one errs by {gain.nominal_mm:.1f} {kind.unit} (gain {gain.gain:.0%}, 90 % interval "
-        f"{gain.low:.0%} to {gain.high:.0%})."
+        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} {kind.unit} a "
+        f"{motion_name(kind.name)} where the nominal one errs by {gain.nominal_mm:.1f} {kind.unit} (gain "
+        f"{100 * gain.gain:.0f} %, 90 % interval {100 * gain.low:.0f} to {100 * gain.high:.0f} %)."
     )
 
 

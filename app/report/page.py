@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from app.core.errors import UsageError
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case
 from app.report.drawing.field import field
 from app.report.drawing.layout import section
 from app.report.drawing.markup import Markup, tag
-from app.report.drawing.words import MOTION
 from app.report.sections.advice import MODEL
 from app.report.sections.causes import causes, confusions
 from app.report.sections.checks import checks
@@ -32,15 +32,16 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("checks", "Direct checks", "What can be measured without simulating anything.", checks),
     ("frames", "Frame test", "In which frame is the error constant?", frames),
     ("causes", "Causes", "How probable each is, and how large it would be.", causes),
-    ("confusions", "What could be confused", "Would these very pushes tell the causes apart?", confusions),
-    ("examples", "Before and after", "A push that no model was fitted to.", examples),
-    ("gains", "What is gained", "How much of the error goes away on such pushes?", gains),
+    ("confusions", "What could be confused", "Would these very {motions} tell the causes apart?", confusions),
+    ("examples", "Before and after", "A {motion} that no model was fitted to.", examples),
+    ("gains", "What is gained", "How much of the error goes away on such {motions}?", gains),
     ("powers", "What would be visible", "How large a cause has to be to show in these data.", powers),
     ("next", "The next {motion}", "Which {motion} would tell most?", next_push),
     ("model", "The saved model", "What a planner loads.", saved_model),
     ("spent", "Time spent", "Where the time of this analysis went.", stage_times),
 )
-"""Sections of the page in the order of reading: anchor, title, question, and its answer. `{motion}`: see `MOTION`."""
+"""Sections of the page in the order of reading: anchor, title, question, and its answer. `{motion}`, `{motions}`: see
+`motion_name`."""
 
 
 _OMITTED: Final[Mapping[ObjectKind, frozenset[str]]] = {
@@ -62,9 +63,10 @@ def write_report(path: Path, case: Case) -> None:
 def page(case: Case, model: Path = MODEL) -> str:
     """The case file as HTML. `model`: the saved model's file."""
     script = _asset("report.js")
-    omitted, motion = _OMITTED.get(case.kind, frozenset[str]()), MOTION[case.kind]
+    omitted = _OMITTED.get(case.kind, frozenset[str]())
+    motion, motions = motion_name(case.kind), motion_name(case.kind, count=2)
     own = [
-        (at, title.format(motion=motion), asks.format(motion=motion), part)
+        (at, title.format(motion=motion), asks.format(motion=motion, motions=motions), part)
         for at, title, asks, part in SECTIONS
         if at not in omitted
     ]

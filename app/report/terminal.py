@@ -13,9 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from app.core.dialogue.words import probability
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.size import size
-from app.report.drawing.words import MOTION, best, interval, title
+from app.report.drawing.words import best, interval, title
 from app.report.sections.advice import MODEL, advice
 from app.report.sections.verdict import chance, gain_sentence, headline, kind, unit_of
 
@@ -42,7 +43,7 @@ def show_case(case: Case, report: Path | None = None) -> RenderableType:
         parts.append(_line("Formula", f"{case.formula.text}: {case.formula.words}"))
     parts += [_line("Next", text) for text in steps]
     if case.next_push is not None and case.next_push.text not in " ".join(steps):
-        parts.append(_line(f"Next {MOTION[case.kind]}", case.next_push.text))
+        parts.append(_line(f"Next {motion_name(case.kind)}", case.next_push.text))
     if report is not None:
         parts.append(Text.assemble((f"{'Report':<11}", "bold"), str(report), no_wrap=True, overflow="ignore"))
     return Group(*parts)

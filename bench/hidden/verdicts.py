@@ -11,7 +11,7 @@ from app.commands._named import full_name
 from app.core.dialogue.model_monitor_messages import VerdictKind
 from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
-from app.discovery.pipeline import Stages, judge
+from app.discovery.pipeline import Stages, conclude, judge
 from app.discovery.results.case import Estimate
 from app.discovery.results.verdict import estimates_of, verdict_of
 from app.discovery.unexplained.formula import NO_FORCE
@@ -48,6 +48,8 @@ def verdict_on(study: Study, subject: Subject, about: Theta | None = None) -> Ve
     found = judge(study, subject, Stages(lambda _: None), about)
     decision, known = found.decision, found.predictor.catalogue
     kind, causes = verdict_of(decision, found.limits, NO_FORCE)  # Looking for one takes as long as all the rest.
+    if kind == "named":
+        kind, causes, *_ = conclude(found, NO_FORCE)
     sizes = {model.causes[0]: estimates_of(known, subject, model, model.causes[0]) for model in decision.singles}
     return Verdict(
         kind=kind,

@@ -117,7 +117,7 @@ def test_a_cloth_that_the_gripper_does_not_hold_to_the_end_is_no_carry() -> None
     assert not [each for each in contradictions(study, SUBJECT) if "gripper" in each.text]
     for wrong in (opened(study, 0, None), opened(study, -1, None), moved(study, 0.1)):
         (fatal,) = [each for each in contradictions(wrong, SUBJECT) if each.fatal]
-        assert "open, or farther than 40 mm from the object, in 12 of 12 pushes" in fatal.text
+        assert "open, or farther than 40 mm from the object, in 12 of 12 carries" in fatal.text
     closes = opened(study, 0, 2)
     assert not [each for each in contradictions(closes, SUBJECT) if "gripper" in each.text]
 

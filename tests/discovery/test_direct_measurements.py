@@ -1,9 +1,13 @@
 """Errors of cameras and arm are found without a simulation: in the seen finger, the bare table and the arm's log."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.core.geometry.track import Track
+from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
+from app.discovery.checks.direct_checks import direct_checks
 from app.discovery.dataset.model_under_test import Theta, catalogue
 from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.inference.screen import prior_of
@@ -126,6 +130,24 @@ def test_where_cameras_and_arm_are_right_nothing_is_named() -> None:
 def test_half_of_a_ropes_points_are_as_near_to_its_middle_as_its_radius_says() -> None:
     girth = data(prepare(study(NOMINAL.copy()), SUBJECT)).r[:, row_of("girth")]
     assert abs(float(np.median(girth))) < 0.5e-3
+
+
+def test_how_low_a_tool_is_of_which_the_surface_alone_is_seen_is_no_check() -> None:
+    radius_m, turns = 0.008, np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    around = np.stack([radius_m * np.cos(turns), radius_m * np.sin(turns), np.linspace(0.01, 0.05, 60)], axis=1)
+    sizes = tuple(
+        SourcedSize(name=f"finger_{name}", value=value, source="about")
+        for name, value in (("radius_m", radius_m), ("half_width_m", 0.0))
+    )
+    whole = study(NOMINAL.copy())
+    tips = [push.track.at(np.array([push.during[0].time_s])) for push in whole.pushes]
+    pushes = tuple(
+        replace(push, during=(replace(push.during[0], finger=(tip + around).astype(np.float32)),))
+        for push, tip in zip(whole.pushes, tips, strict=True)
+    )
+    setup = MeasuredSetup(sizes=sizes, table=FoundTable(), tool_points="surface")
+    checks = direct_checks(PREDICTOR, prepare(replace(whole, pushes=pushes, setup=setup), SUBJECT), NOMINAL)
+    assert {check.name for check in checks if check.name.startswith("tool")} == {"tool, x", "tool, y"}
 
 
 def test_what_was_not_measured_has_no_rows() -> None:

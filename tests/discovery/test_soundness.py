@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.checks.soundness import model_limits
+from app.discovery.checks.soundness import gain_limits, model_limits
 from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.dataset.object_kinds import LIQUID, ROPE
 from app.discovery.inference.decide import is_sized
 from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.rows import Residuals
+from app.discovery.results.case import Gain
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
 from tests.discovery.exact import exact_model
@@ -42,6 +44,49 @@ def test_nor_do_pushes_of_which_only_some_could_be_simulated() -> None:
     found = list(model_limits(trials(), residuals(1e-3, simulated=0.5)))
     assert found[0].fatal
     assert found[0].text == "Only 1 of 2 pushes could be simulated."
+
+
+def gain(nominal_mm: float, extended_mm: float, *, low: float, high: float, still_mm: float = 70.0) -> Gain:
+    share = 1 - extended_mm / nominal_mm
+    return Gain(
+        still_mm=still_mm,
+        nominal_mm=nominal_mm,
+        extended_mm=extended_mm,
+        gain=share,
+        low=low,
+        high=high,
+        episodes=5,
+    )
+
+
+WORSE = {
+    "surely worse": gain(20.0, 34.0, low=-0.82, high=-0.6),
+    "no better than no motion": gain(65.0, 72.0, low=-0.3, high=0.1),
+}
+FAIR = {
+    "better": gain(20.0, 15.0, low=0.1, high=0.4),
+    "about as good": gain(20.0, 20.6, low=-0.1, high=0.02),
+    "without an error to gain from": gain(1e-9, 1e-9, low=float("nan"), high=float("nan")),
+}
+
+
+@pytest.mark.parametrize("found", WORSE.values(), ids=WORSE)
+def test_a_cause_with_which_left_out_episodes_are_predicted_worse_is_not_named(found: Gain) -> None:
+    (limit,) = gain_limits(found, ROPE, is_named=True)
+    assert limit.fatal
+    assert f"errs by {found.extended_mm:.1f} mm a push" in limit.text
+    assert not any(each.fatal for each in gain_limits(found, ROPE, is_named=False))
+
+
+@pytest.mark.parametrize("found", FAIR.values(), ids=FAIR)
+def test_one_that_does_not_harm_may_be_named(found: Gain) -> None:
+    assert not list(gain_limits(found, ROPE, is_named=True))
+
+
+def test_a_model_that_explains_little_of_the_motion_says_so_in_the_words_of_its_object() -> None:
+    (limit,) = gain_limits(gain(50.0, 45.0, low=0.0, high=0.2), LIQUID, is_named=True)
+    assert not limit.fatal
+    assert "errs by 50.0 % of the liquid a pour" in limit.text
 
 
 @pytest.mark.parametrize(

@@ -91,4 +91,5 @@ def test_an_oracle_and_other_methods_are_asked_about_the_same_recordings() -> No
     ranked = {cause["effect"] for cause in line["verdict"]["ranking"]}
     for verdict in line["baselines"].values():
         assert {cause["effect"] for cause in verdict["ranking"]} == ranked
-        assert outcome(line | {"verdict": verdict}).first == "under_reach"
+    # The other one blames what is largest when all parameters are fitted at once, here a tilt of the table.
+    assert outcome(line | {"verdict": line["baselines"]["bic"]}).first == "under_reach"

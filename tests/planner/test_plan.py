@@ -17,7 +17,7 @@ from app.planner.search.request import PlanRequest
 from app.planner.search.tree import roll_out, simulate, start, state_after
 from app.policy.base import PARKED_POSE
 from app.tasks.rope_push import TASK
-from tests.planner.table import PHI, SPACE, now, planner, rope, search
+from tests.planner.table import PHI, SPACE, now, planner, rope, search, to_the_bit
 from tests.programs import program
 
 START, GOAL = rope(), rope(0.05)
@@ -98,7 +98,7 @@ def test_a_plan_stays_within_what_the_arm_reaches(decision: Plan) -> None:
     assert total == pytest.approx(through.cost_after, abs=1e-7)
 
 
-@pytest.mark.skipif(jax.default_backend() != "cpu", reason="A GPU's threads add up in any order.")
+@to_the_bit
 def test_the_same_seed_decides_the_same(decision: Plan) -> None:
     again = planner()(ASKED)
     assert again.motion.digest() == decision.motion.digest()
@@ -147,6 +147,7 @@ def test_a_tree_without_a_finite_branch_is_an_error_that_says_so() -> None:
         planner()(dataclasses.replace(ASKED, phi=np.full_like(PHI, np.nan)))
 
 
+@to_the_bit
 def test_what_was_rejected_is_not_proposed_again_while_there_is_another(decision: Plan) -> None:
     finder = planner()
     first = decision.branches[decision.best]

@@ -13,7 +13,7 @@ from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thin_out
 from app.planner.search.sampling import SampleSchedule, SamplingPlanner
 from app.planner.search.tree import TreeConfig
 from app.planner.search.updates import Elites
-from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
+from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search, to_the_bit
 
 ASKED = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)
 ROUNDED_M = 1e-6
@@ -52,6 +52,7 @@ def test_the_tool_is_on_its_path_at_every_moment(decision: Plan) -> None:
     assert apart.max() < ROUNDED_M
 
 
+@to_the_bit
 def test_a_film_changes_no_decision(decision: Plan) -> None:
     plain = planner()(ASKED)
     assert plain.motion.digest() == decision.motion.digest()

@@ -9,6 +9,7 @@ from app.core.geometry.shapes.base import GripperFingers
 from app.core.types import OPENING, Points
 from app.discovery.dataset.held_part import REACH_M
 from app.discovery.dataset.model_under_test import Subject
+from app.discovery.dataset.names import motion_name
 from app.discovery.dataset.study import Push, Study
 from app.discovery.results.case import Limit
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
@@ -45,7 +46,7 @@ def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
     if subject.fingers is None:
         yield from _contact(study, subject)
     else:
-        yield from _hold(study, subject.fingers)
+        yield from _hold(study, subject, subject.fingers)
 
 
 def _size(study: Study, subject: Subject) -> Iterator[Limit]:
@@ -138,10 +139,10 @@ def _clocks(study: Study, subject: Subject) -> Iterator[Limit]:
     backward = [number for number, push in enumerate(pushes, 1) if _runs_back(push)]
     if backward:
         yield Limit(
-            text=f"Time runs backwards in {_of(backward, len(pushes))}.",
+            text=f"Time runs backwards in {_of(backward, len(pushes), subject)}.",
             consequence=(
                 "No motion can be simulated from such times, so no cause is named: date views and poses by one clock "
-                "that is never set, and give each push a view before and one after it."
+                "that is never set, and give each motion a view before and one after it."
             ),
             fatal=True,
         )
@@ -149,9 +150,12 @@ def _clocks(study: Study, subject: Subject) -> Iterator[Limit]:
     outside = [number for number, push in enumerate(pushes, 1) if _outside(push, subject.low_m)]
     if outside:
         yield Limit(
-            text=f"Views that should be before, during or after the motion are not in {_of(outside, len(pushes))}.",
+            text=(
+                "Views that should be before, during or after the motion are not in "
+                f"{_of(outside, len(pushes), subject)}."
+            ),
             consequence=(
-                "The cameras' clock and the arm's disagree by more than 0.2 s, or views are of another push; delays "
+                "The cameras' clock and the arm's disagree by more than 0.2 s, or views are of another motion; delays "
                 "cannot be believed: date both by one clock."
             ),
             fatal=len(outside) > _MOST * len(pushes),
@@ -160,7 +164,7 @@ def _clocks(study: Study, subject: Subject) -> Iterator[Limit]:
     early = [number for number in seen if _moved_early(pushes[number - 1], subject)]
     if len(early) > _SOME * len(seen):
         yield Limit(
-            text=f"The object moved before the tool could touch it in {_of(early, len(seen))}.",
+            text=f"The object moved before the tool could touch it in {_of(early, len(seen), subject)}.",
             consequence=(
                 "The cameras' clock runs ahead of the arm's by more than 0.2 s, or something else moves the object; "
                 "delays and lags cannot be believed: date views and poses by one clock."
@@ -199,14 +203,15 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
     pushes = study.pushes
     if not pushes:
         return
+    motions = motion_name(subject.kind.name, count=len(pushes))
     touched = np.array([_came_near(push, subject) for push in pushes])
     moved = np.array([_moved_m(push.before.points, push.after.points) > _MOVED_M for push in pushes])
     if touched.any():
         if not touched.all():
             only = "only " if touched.mean() < _MOST else ""
             yield Limit(
-                text=f"The tool came near the object in {only}{touched.sum()} of {len(pushes)} pushes.",
-                consequence="The others teach nothing about the object: plan pushes through it.",
+                text=f"The tool came near the object in {only}{touched.sum()} of {len(pushes)} {motions}.",
+                consequence=f"The others teach nothing about the object: plan {motions} through it.",
             )
         return
     near = f"{_MILLI * _reach_m(subject):.0f} mm"
@@ -227,7 +232,7 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
     )
 
 
-def _hold(study: Study, fingers: GripperFingers) -> Iterator[Limit]:
+def _hold(study: Study, subject: Subject, fingers: GripperFingers) -> Iterator[Limit]:
     """Motions in which the gripper does not hold the object from where it closed on to the end."""
     pushes = study.pushes
     lost = [number for number, push in enumerate(pushes, 1) if not _holds(push, fingers)]
@@ -237,7 +242,7 @@ def _hold(study: Study, fingers: GripperFingers) -> Iterator[Limit]:
     yield Limit(
         text=(
             f"The gripper is open, or farther than {_MILLI * REACH_M:.0f} mm from the object, in "
-            f"{_of(lost, len(pushes))}."
+            f"{_of(lost, len(pushes), subject)}."
         ),
         consequence=f"{consequence}{', so no cause is named' if fatal else ''}: keep it in the gripper from the first "
         "motion of an episode to the last.",
@@ -287,6 +292,6 @@ def _moved_m(before: Points, after: Points) -> float:
     return float(np.quantile(KDTree(before[:, :2]).query(after[:, :2])[0], _TENTH))
 
 
-def _of(numbers: list[int], count: int) -> str:
-    """Text about some of `count` pushes, with the number of the first."""
-    return f"{len(numbers)} of {count} pushes (the first is number {numbers[0]})"
+def _of(numbers: list[int], count: int, subject: Subject) -> str:
+    """Text about some of `count` motions, with the number of the first."""
+    return f"{len(numbers)} of {count} {motion_name(subject.kind.name, count=count)} (the first is number {numbers[0]})"

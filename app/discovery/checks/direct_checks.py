@@ -51,7 +51,9 @@ def direct_checks(predictor: Predictor, trials: SimulationBatch, about: Theta) -
     ]
     for axis, name in enumerate("xyz"):
         about_it = f"Where the cameras see the tool against where the arm says it is, along {name}."
-        makers.append((f"tool, {name}", about_it, "m", "f", lambda axis=axis: rows.r[:, finger][:, axis]))
+        # Seen from above, points of a tool's surface say nothing of how low it is.
+        seen[f"f{name}"] = rows.known[:, finger][:, axis].astype(float)
+        makers.append((f"tool, {name}", about_it, "m", f"f{name}", lambda axis=axis: rows.r[:, finger][:, axis]))
     makers.append(
         ("table's height", "Of the bare table as seen, above z = 0.", "m", "t", lambda: rows.r[:, table][:, 0])
     )

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from app.discovery.checks.data_consistency import contradictions
 from app.discovery.dataset.model_under_test import Subject
+from app.discovery.dataset.names import motion_name
 from app.discovery.dataset.study import Push, Study
 from app.discovery.results.case import Limit
 
@@ -27,11 +28,11 @@ _MOST = 0.5
 def limits_of(study: Study, subject: Subject) -> tuple[Limit, ...]:
     """Deficiencies that narrow or forbid a conclusion; none if the study is good."""
     return (
-        *_amount(study),
+        *_amount(study, subject),
         *_setup_limits(study),
         *contradictions(study, subject),
         *_variety(study, subject),
-        *_instruments(study),
+        *_instruments(study, subject),
     )
 
 
@@ -67,15 +68,16 @@ def _setup_limits(study: Study) -> Iterator[Limit]:
         )
 
 
-def _amount(study: Study) -> Iterator[Limit]:
+def _amount(study: Study, subject: Subject) -> Iterator[Limit]:
     episodes, pushes = len({push.episode for push in study.pushes}), len(study.pushes)
+    motion, motions = motion_name(subject.kind.name), motion_name(subject.kind.name, count=2)
     if episodes < _EPISODES:
         fatal = episodes < _FEWEST_EPISODES
         yield Limit(
-            text=f"There {_are(episodes, 'episode')}; {_EPISODES} are asked for, 6 are better.",
+            text=f"There {_are(episodes, 'episode', 'episodes')}; {_EPISODES} are asked for, 6 are better.",
             consequence=(
-                "Whether a cause explains pushes that it was not fitted to cannot be tested, so none is named: record "
-                "further episodes, each from another shape of the object."
+                f"Whether a cause explains {motions} that it was not fitted to cannot be tested, so none is named: "
+                "record further episodes, each from another shape of the object."
                 if fatal
                 else "What holds for one episode by chance may be taken for a cause, and intervals are wide: record "
                 "further episodes, each from another shape of the object."
@@ -85,22 +87,23 @@ def _amount(study: Study) -> Iterator[Limit]:
     if pushes < _PUSHES:
         fatal = pushes < _FEWEST_PUSHES
         yield Limit(
-            text=f"There {_are(pushes, 'push')}; {_PUSHES} are asked for, 40 are better.",
+            text=f"There {_are(pushes, motion, motions)}; {_PUSHES} are asked for, 40 are better.",
             consequence=(
-                "They are fewer than the causes to choose from, so none is named: record 6 or more pushes an episode."
+                "They are fewer than the causes to choose from, so none is named: record 6 or more an episode."
                 if fatal
-                else "Only large effects show, and like ones stay together: record 6 or more pushes an episode."
+                else "Only large effects show, and like ones stay together: record 6 or more an episode."
             ),
             fatal=fatal,
         )
 
 
 def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
+    motions = motion_name(subject.kind.name, count=2)
     low = [way for push in study.pushes if len(way := _low_way(push, subject.low_m))]
     speeds = [speed for way in low if (speed := _speed(way)) > 0]
     if speeds and max(speeds) < _SPEED_RATIO * min(speeds):
         yield Limit(
-            text=f"All pushes are equally fast ({_span(min(speeds), max(speeds))}).",
+            text=f"All {motions} are equally fast ({_span(min(speeds), max(speeds))}).",
             consequence=(
                 "command_delay, tool_compliance, stribeck and viscous_film cannot be told apart: what they do differs "
                 "by speed. Push at three speeds next time, for example 0.05, 0.12 and 0.30 m/s."
@@ -109,7 +112,7 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
     directions = _directions(low)
     if low and directions < _DIRECTIONS:
         yield Limit(
-            text=f"The pushes go in {_count_text(directions, 'direction')}; {_DIRECTIONS} are asked for.",
+            text=f"The {motions} go in {_count_text(directions)}; {_DIRECTIONS} are asked for.",
             consequence=(
                 "table_tilt, hand_eye_translation, tcp_offset, friction_anisotropy and draught look alike along one "
                 "line, and what they do across it does not show. Push from all sides next time."
@@ -119,25 +122,26 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
         )
 
 
-def _instruments(study: Study) -> Iterator[Limit]:
-    pushes = study.pushes
+def _instruments(study: Study, subject: Subject) -> Iterator[Limit]:
+    pushes, motion = study.pushes, motion_name(subject.kind.name)
+    motions = motion_name(subject.kind.name, count=len(pushes))
     seen = sum(bool(push.during) for push in pushes)
     if seen < _MOST * len(pushes):
         yield Limit(
             text=(
                 "The object was seen only after it had come to rest"
-                + (f", but for {_count_text(seen, 'push')} of {len(pushes)}." if seen else ", never during a push.")
+                + (f", but for {seen} of {len(pushes)} {motions}." if seen else f", never during a {motion}.")
             ),
             consequence=(
                 "Delays and lags are invisible (command_delay, actuator_lag, camera_time_offset, kelvin_voigt), and "
                 "there is no tool in view to check the cameras with: keep them on while the tool moves, one view in "
-                "the later half of each push at least."
+                f"the later half of each {motion} at least."
             ),
         )
     measured = sum(push.measured is not None for push in pushes)
     if measured < _MOST * len(pushes):
         yield Limit(
-            text=f"Where the tool really went was measured in {measured} of {len(pushes)} pushes.",
+            text=f"Where the tool really went was measured in {measured} of {len(pushes)} {motions}.",
             consequence=(
                 "An arm that does not do what it is told (command_delay, actuator_lag, under_reach, tool_compliance, "
                 "backlash) cannot be told from physics: record the measured poses of the arm beside the commanded."
@@ -145,7 +149,7 @@ def _instruments(study: Study) -> Iterator[Limit]:
         )
     if seen and not any(view.finger is not None for push in pushes for view in push.during):
         yield Limit(
-            text="The tool was not seen during any push.",
+            text=f"The tool was not seen during any {motion}.",
             consequence=(
                 "A camera out of place (hand_eye_translation, hand_eye_rotation), one out of time (camera_time_offset) "
                 "and a tool tip that is not where the kinematics have it (tcp_offset) rest on the object's shape "
@@ -195,10 +199,9 @@ def _span(low: float, high: float) -> str:
     return f"{low:.2f} m/s" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f} m/s"
 
 
-def _count_text(count: int, noun: str) -> str:
-    plural = "pushes" if noun == "push" else f"{noun}s"
-    return f"{count} {noun if count == 1 else plural}"
+def _count_text(directions: int) -> str:
+    return "1 direction" if directions == 1 else f"{directions} directions"
 
 
-def _are(count: int, noun: str) -> str:
-    return f"{'is' if count == 1 else 'are'} {_count_text(count, noun)}"
+def _are(count: int, noun: str, plural: str) -> str:
+    return f"is 1 {noun}" if count == 1 else f"are {count} {plural}"

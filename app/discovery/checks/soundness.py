@@ -1,12 +1,14 @@
-"""Sanity check of the model under test: none that is no better than no motion may name a cause."""
+"""Sanity checks of models: none that predicts no better than no motion, or worse than without a cause, may name one."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from app.discovery.dataset.names import motion_name
+from app.discovery.dataset.object_kinds import ObjectTraits
 from app.discovery.residuals.rows import Residuals
 from app.discovery.residuals.simulation_batch import SimulationBatch
-from app.discovery.results.case import Limit
+from app.discovery.results.case import Gain, Limit
 
 _ENOUGH = 0.9
 """Share of the pushes that have to be simulated."""
@@ -19,7 +21,7 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     count = int(simulated.sum())
     if count < _ENOUGH * len(data):
         yield Limit(
-            text=f"Only {count} of {len(data)} pushes could be simulated.",
+            text=f"Only {count} of {len(data)} {motion_name(trials.kind.name, count=2)} could be simulated.",
             consequence=(
                 "What the others would say is unknown, so no cause is named: see that tool and object stay within 2 m "
                 "of where they began, and that their sizes are right."
@@ -33,14 +35,43 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     if errors.mean() >= moved.mean():
         yield Limit(
             text=(
-                f"The refitted model errs by {_MM * errors.mean():.0f} mm a push; one in which nothing moves errs by "
-                f"{_MM * moved.mean():.0f} mm."
+                f"The refitted model errs by {_MM * errors.mean():.0f} {trials.kind.unit} a "
+                f"{motion_name(trials.kind.name)}; one in which nothing moves errs by {_MM * moved.mean():.0f} "
+                f"{trials.kind.unit}."
             ),
             consequence=(
                 "No cause is named by a model that does not work: check the sizes of object and tool, and that both "
                 "are in one frame and on one clock."
             ),
             fatal=True,
+        )
+
+
+def gain_limits(gain: Gain, kind: ObjectTraits, *, is_named: bool) -> Iterator[Limit]:
+    """Limits that show in use, on episodes that were left out; `is_named`: whether the extended model has a name."""
+    unit, motion = kind.unit, motion_name(kind.name)
+    if is_named and gain.is_loss:
+        yield Limit(
+            text=(
+                f"With the likeliest cause the model errs by {gain.extended_mm:.1f} {unit} a {motion} on episodes that "
+                f"it was not fitted to, without it by {gain.nominal_mm:.1f} {unit}."
+            ),
+            consequence=(
+                "What fits and does not predict is no cause, so none is named: check the sizes and the shapes of tool "
+                "and object, and record further episodes."
+            ),
+            fatal=True,
+        )
+    elif gain.is_of_weak_model and gain.nominal_mm < gain.still_mm:
+        yield Limit(
+            text=(
+                f"The refitted model errs by {gain.nominal_mm:.1f} {unit} a {motion} on episodes that it was not "
+                f"fitted to; one in which nothing moves errs by {gain.still_mm:.1f} {unit}."
+            ),
+            consequence=(
+                "It explains little of the motion, so only large effects show: check the sizes and the shapes of tool "
+                "and object, and what the table is made of."
+            ),
         )
 
 

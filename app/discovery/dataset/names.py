@@ -1,12 +1,28 @@
-"""Names of effects and parameters in words, spelt as their files say."""
+"""Names of effects, parameters and motions in words; effects and parameters are spelt as their files say."""
 
 import re
 from collections.abc import Mapping
 from functools import cache
+from typing import Final
 
 from app.discovery import sensor_actuator_errors
 from app.sim import effects
+from app.sim.effects.base import ObjectKind
 from app.sim.files import files_of
+
+_MOTIONS: Final[Mapping[ObjectKind, tuple[str, str]]] = {
+    "rope": ("push", "pushes"),
+    "grains": ("sweep", "sweeps"),
+    "cloth": ("carry", "carries"),
+    "liquid": ("pour", "pours"),
+    "soup": ("pour", "pours"),
+}
+
+
+def motion_name(kind: ObjectKind, *, count: int = 1) -> str:
+    """One motion of the tool, or several, by the kind of object, as in `push` and `carries`."""
+    one, several = _MOTIONS[kind]
+    return one if count == 1 else several
 
 
 def effect_name(effect: str) -> str:

@@ -17,6 +17,9 @@ from app.discovery.dataset.model_under_test import Family, Theta
 from app.discovery.residuals.sensitivity import Step
 from app.sim.effects.base import ObjectKind
 
+_WEAK = 0.6
+"""Share of the error of no motion above which a model explains little."""
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +72,16 @@ class Gain:
     low: float
     high: float
     episodes: int
+
+    @property
+    def is_loss(self) -> bool:
+        """True if the extended model predicts surely worse than the nominal one, or no better than no motion."""
+        return self.high < 0 or (self.gain < 0 and self.extended_mm >= self.still_mm)
+
+    @property
+    def is_of_weak_model(self) -> bool:
+        """True if the nominal model explains little of what moves."""
+        return self.nominal_mm > _WEAK * self.still_mm
 
 
 @final

@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.dialogue.words import sentence
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case, ResidualField
 from app.report.drawing.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
 from app.report.drawing.ground import ground, surface, table_bounds
@@ -25,9 +27,9 @@ def field(case: Case) -> Markup:
     """The map, and beside it the same residuals by push, and by place along an object that has a length."""
     arrows = case.arrows
     if not len(arrows.places):
-        return paragraph("No residuals were measured: there are no pushes that the model could be compared with.")
+        return paragraph("No residuals were measured: there are no motions that the model could be compared with.")
     by_place = [_along_figure(arrows)] if arrows.along.any() else []  # Loose pieces have no place along anything.
-    return columns(_map_figure(case), tag("div", *by_place, _pushes_figure(arrows)), kind="map")
+    return columns(_map_figure(case), tag("div", *by_place, _in_order(case, arrows)), kind="map")
 
 
 def _map_figure(case: Case) -> Markup:
@@ -49,12 +51,16 @@ def _map_figure(case: Case) -> Markup:
         _means(p, arrows, shade, times),
         _key(p, times),
     )
-    options = [("all", "all, and their mean in squares of 6 cm"), *((f"{push:g}", f"push {push:g}") for push in pushes)]
+    motion = motion_name(case.kind)
+    options = [
+        ("all", "all, and their mean in squares of 6 cm"),
+        *((f"{push:g}", f"{motion} {push:g}") for push in pushes),
+    ]
     return figure(
         drawing,
         f"Each arrow leads from where the refitted nominal model puts a bit of the object to where it was, {times:g} "
         f"times as long as it is. {_agreement(arrows)}",
-        controls=chooser("field", "Pushes shown", options),
+        controls=chooser("field", f"{sentence(motion_name(case.kind, count=2))} shown", options),
         legend=legend([(f"shade{k}", _range(k, shade)) for k in range(_SHADES)]),
     )
 
@@ -160,8 +166,9 @@ def _where(middles: list[float], median: list[float]) -> str:
     return f"worst {place}, at {decimal(middles[worst], 1)}."
 
 
-def _pushes_figure(arrows: ResidualField) -> Markup:
-    """The mean size of residuals, push by push."""
+def _in_order(case: Case, arrows: ResidualField) -> Markup:
+    """The mean size of residuals, one motion after another."""
+    motion, motions = motion_name(case.kind), motion_name(case.kind, count=2)
     sizes, pushes = lengths_mm(arrows), np.unique(arrows.push)
     means = [float(sizes[arrows.push == push].mean()) for push in pushes]
     x_range = (float(pushes[0]) - 0.5, float(pushes[-1]) + 0.5)
@@ -169,9 +176,12 @@ def _pushes_figure(arrows: ResidualField) -> Markup:
     drawing = svg(
         p.width,
         p.height,
-        "Residuals push by push",
-        f"Mean residual from {min(means):.1f} to {max(means):.1f} mm over {len(means)} pushes.",
-        axes(p, "push, in the order made", "residual [mm]", y_count=4),
+        f"Residuals, {motion} by {motion}",
+        f"Mean residual from {min(means):.1f} to {max(means):.1f} mm over {len(means)} {motions}.",
+        axes(p, f"{motion}, in the order made", "residual [mm]", y_count=4),
         dots([p.at((float(push), mean)) for push, mean in zip(pushes, means, strict=True)], "mid nominal"),
     )
-    return figure(drawing, "Push by push: a slope would say that something changes in time, a step when it did.")
+    return figure(
+        drawing,
+        f"{sentence(motion)} by {motion}: a slope would mean a change in time, a step would say when it came.",
+    )

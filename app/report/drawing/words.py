@@ -5,25 +5,15 @@ as many digits as their interval supports.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, final
 
 from app.core.dialogue.words import NOTHING, sentence
 from app.discovery.dataset.names import effect_name
-from app.sim.effects.base import ObjectKind
 
 _LISTED: Final = 4
 """Most effects listed in a sentence."""
 MINUS: Final = "\N{MINUS SIGN}"
-MOTION: Final[Mapping[ObjectKind, str]] = {
-    "rope": "push",
-    "grains": "sweep",
-    "cloth": "carry",
-    "liquid": "pour",
-    "soup": "pour",
-}
-"""A motion of the tool, by the kind of object."""
 
 
 @final

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case
-from app.report.drawing.words import MOTION
 from app.report.sections.verdict import is_missing_something
 
 _SOURCE: Final = {
@@ -43,6 +43,9 @@ def _advice(case: Case, model: Path) -> Iterator[str]:
     elif is_missing_something(case):
         yield from _more(case, "To know more")
         yield "Until then keep the model as it is: no cause is sure enough to be added to it."
+    elif case.gain.is_of_weak_model:
+        yield "No cause stands out, but the refitted model explains little of the motion: see above what to check."
+        yield from _more(case, "Then")
     else:
         yield f"Nothing has to be mended. The refitted model is saved beside this report: {_run(case, model)}"
         yield "“What would be visible” says how large a cause could be unseen; more motions show smaller ones."
@@ -56,8 +59,9 @@ def _run(case: Case, model: Path) -> str:
 def _more(case: Case, why: str) -> Iterator[str]:
     """The most informative push, or more of any."""
     if case.next_push is not None:
-        yield f"{why}, make this {MOTION[case.kind]} and ask again. {case.next_push.text}"
+        yield f"{why}, make this {motion_name(case.kind)} and ask again. {case.next_push.text}"
         if case.kind == "rope":
             yield f"A batch of such pushes: dipac probe {shlex.quote(case.amount.task)} --recordings FILES -o FOLDER"
     else:
-        yield f"{why}, record as many pushes again, from other shapes of the object and in other directions."
+        many = motion_name(case.kind, count=2)
+        yield f"{why}, record as many {many} again, from other shapes of the object and in other directions."

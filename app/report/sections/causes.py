@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from app.core.dialogue.words import probability
-from app.discovery.dataset.names import effect_name
+from app.discovery.dataset.names import effect_name, motion_name
 from app.discovery.results.case import Case, CauseResult
 from app.report.drawing.chart import label, svg
 from app.report.drawing.layout import details, figure, paragraph, table
@@ -31,7 +31,7 @@ def causes(case: Case) -> Markup:
     rest = sorted((it for it in case.ranking if it.effect not in chosen), key=lambda it: -it.probability)
     ordered = [*case.causes, *rest]
     if not ordered:
-        return paragraph("No cause was weighed: there are too few pushes.")
+        return paragraph(f"No cause was weighed: there are too few {motion_name(case.kind, count=2)}.")
     first, others = ordered[:_FIRST], ordered[_FIRST:]
     shown = _table(first, chosen)
     return concat([shown, details(f"{len(others)} less likely causes", _table(others, chosen))]) if others else shown
@@ -83,11 +83,11 @@ def confusions(case: Case) -> Markup:
         return paragraph("The test was not tried on hidden causes, so nobody knows what it would confuse.")
     cell = min(46.0, 560.0 / count)
     top, width = 148.0, _LABELS + cell * count + 90
-    names = [effect_name(effect) for effect in case.confused]
+    names, motions = [effect_name(effect) for effect in case.confused], motion_name(case.kind, count=2)
     drawing = svg(
         width,
         top + cell * count + 8,
-        "Which causes these pushes would confuse",
+        f"Which causes these {motions} would confuse",
         f"Rows: what was hidden; columns: what it was taken for. {_confusion_text(case)}",
         label(_LABELS - 12, top - 10, "hidden \N{DOWNWARDS ARROW}", "strong", anchor="end"),
         label(_LABELS - 12, top - 32, "taken for, in % \N{RIGHTWARDS ARROW}", "strong", anchor="end"),
@@ -104,7 +104,7 @@ def confusions(case: Case) -> Markup:
     )
     return figure(
         drawing,
-        "Each cause was hidden in these very pushes at its typical size, and looked for, by their slopes about the "
+        f"Each cause was hidden in these very {motions} at its typical size, and looked for, by their slopes about the "
         "nominal model: a dark diagonal means that it would be named, a light row that it would stay unseen. "
         f"{_confusion_text(case)}",
     )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case, Example
 from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import bounds, cloud, ground, surface, way
@@ -24,22 +25,23 @@ _KEY_OF_ONE = tuple(entry for entry in _KEY if entry[0] != "extended")
 
 
 def examples(case: Case) -> Markup:
-    """The pushes, shown one at a time."""
+    """The held-out motions, shown one at a time."""
+    motion = motion_name(case.kind)
     if not case.examples:
-        return paragraph("No episode was held out, so there is no push that the models had not seen.")
-    options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
+        return paragraph(f"No episode was held out, so there is no {motion} that the models had not seen.")
+    options = [(str(index), f"{motion} {it.number}") for index, it in enumerate(case.examples)]
     view = view_of(case.kind)
     shown = [
         tag(
             "div",
-            _example(_seen(case, it), index, view, extended=is_extended(case.gain)),
+            _example(_seen(case, it), index, motion, view, extended=is_extended(case.gain)),
             data_of="example",
             data_key=str(index),
             class_="off" if index else None,
         )
         for index, it in enumerate(case.examples)
     ]
-    return concat([chooser("example", "Held-out push", options), *shown])
+    return concat([chooser("example", f"Held-out {motion}", options), *shown])
 
 
 def _seen(case: Case, it: Example) -> Example:
@@ -55,14 +57,14 @@ def _seen(case: Case, it: Example) -> Example:
     )
 
 
-def _example(it: Example, index: int, view: View, *, extended: bool) -> Markup:
+def _example(it: Example, index: int, motion: str, view: View, *, extended: bool) -> Markup:
     whole = ground(bounds((it.before, it.observed, it.nominal, it.extended, it.tool)), 440.0, 480.0)
     near = lens(it.observed, it.nominal)
     drawing = svg(
         whole.width,
         whole.height,
-        f"Held-out push {it.number}",
-        f"The object before and after the push and as both models predict it, {view.whence}, with the way of the tool.",
+        f"Held-out {motion} {it.number}",
+        f"The object before and after the {motion} and as both models predict it, {view.whence}, with the tool's way.",
         surface(whole, *view.axes),
         cloud(whole, it.before, "before"),
         _ends(whole, it, extended=extended),
@@ -73,7 +75,7 @@ def _example(it: Example, index: int, view: View, *, extended: bool) -> Markup:
     detail = enlarge(
         close,
         f"example{index}",
-        f"Held-out push {it.number}, where the nominal model is worst",
+        f"Held-out {motion} {it.number}, where the nominal model is worst",
         f"Where the nominal model is farthest from what was seen, in a square of {200 * LENS_M:g} cm.",
         _ends(close, it, extended=extended),
         view.axes,

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case, Gain
 from app.report.drawing.chart import axes, dots, label, line, nice_step, plot, polyline, svg
 from app.report.drawing.layout import columns, figure, legend, paragraph
@@ -67,7 +68,7 @@ def _pairs(case: Case) -> Markup:
 
 
 def _steps(case: Case) -> Markup:
-    values, unit = case.steps, unit_of(case)
+    values, unit, motions = case.steps, unit_of(case), motion_name(case.kind, count=2)
     p = plot(_WIDTH, _HEIGHT, (0.6, len(values) + 0.4), (0.0, _above(float(np.nanmax(values)))), _MARGINS)
     curves = [
         [p.at((step + 1.0, value)) for step, value in enumerate(values[:, k]) if math.isfinite(value)] for k in range(2)
@@ -75,16 +76,16 @@ def _steps(case: Case) -> Markup:
     drawing = svg(
         p.width,
         p.height,
-        "Errors over several pushes",
+        f"Errors over several {motions}",
         "; ".join(f"after {k + 1}: {decimal(a, 1)} and {decimal(b, 1)} {unit}" for k, (a, b) in enumerate(values)),
-        axes(p, "pushes predicted in a row", f"error [{unit}]", x_count=max(len(values), 1)),
+        axes(p, f"{motions} predicted in a row", f"error [{unit}]", x_count=max(len(values), 1)),
         *(
             concat([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
             for curve, kind in zip(curves, ("nominal", "extended"), strict=True)
             if kind == "nominal" or is_extended(case.gain)
         ),
     )
-    return figure(drawing, "How errors grow when pushes are predicted one after another, as a planner does.")
+    return figure(drawing, f"How errors grow when {motions} are predicted one after another, as a planner does.")
 
 
 def _above(largest: float) -> float:

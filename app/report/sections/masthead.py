@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Final
 
+from app.discovery.dataset.names import motion_name
 from app.discovery.results.case import Case
 from app.report.drawing.layout import paragraph
 from app.report.drawing.markup import Markup, concat, tag
@@ -76,8 +77,8 @@ def scope(case: Case) -> Markup:
     it = case.amount
     counts = (
         (it.episodes, "episodes"),
-        (it.pushes, "pushes"),
-        (it.during, "seen during the push"),
+        (it.pushes, motion_name(case.kind, count=2)),
+        (it.during, f"seen during the {motion_name(case.kind)}"),
         (it.measured, "measured tracks"),
         (it.particles, "particles"),
     )

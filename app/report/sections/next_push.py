@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from app.core.dialogue.words import duration
 from app.core.types import Points
-from app.discovery.dataset.names import effect_name
+from app.discovery.dataset.names import effect_name, motion_name
 from app.discovery.results.case import Case, NextPush
 from app.report.drawing.chart import Plot, svg
 from app.report.drawing.ground import bounds, cloud, ground, surface, table_bounds, way
@@ -12,7 +12,7 @@ from app.report.drawing.layout import columns, figure, legend, paragraph
 from app.report.drawing.lens import close_up, enlarge, frame, lens
 from app.report.drawing.markup import Markup, concat, tag
 from app.report.drawing.side_view import ABOVE, projection, view_of
-from app.report.drawing.words import MOTION, best, decimal
+from app.report.drawing.words import best, decimal
 from app.report.sections.verdict import unit_of
 from app.sim.effects.base import LIQUIDS
 
@@ -25,7 +25,7 @@ def next_push(case: Case) -> Markup:
     """The sentence, the drawing, and its enlargement; or a note that no push is needed."""
     push = case.next_push
     if push is None:
-        return paragraph(f"No {MOTION[case.kind]} is proposed: there is nothing left that one would tell apart.")
+        return paragraph(f"No {motion_name(case.kind)} is proposed: there is nothing left that one would tell apart.")
     side = tag("div", _detail(case, push), _numbers(case, push)) if _has_ends(case, push) else _numbers(case, push)
     return concat([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
 
@@ -39,7 +39,7 @@ def _drawing(case: Case, push: NextPush) -> Markup:
     drawing = svg(
         p.width,
         p.height,
-        f"The next {MOTION[case.kind]}",
+        f"The next {motion_name(case.kind)}",
         f"The object as it is, the way of the tool{', and where each model sees it end' if ends else ''}.",
         surface(p, *view.axes),
         cloud(p, before, "before"),
@@ -58,18 +58,19 @@ def _has_ends(case: Case, push: NextPush) -> bool:
 def _detail(case: Case, push: NextPush) -> Markup:
     drawn = [projection(case.kind, push.track.positions)(end) for end in push.ends]
     close = close_up(lens(drawn[0], drawn[1]))
-    said = f"Where the models part most. {_worth(push.apart_mm, case.gain.nominal_mm)}"
+    said = f"Where the models part most. {_worth(case, push.apart_mm)}"
     axes = view_of(case.kind).axes
     return figure(enlarge(close, "parting", "Where the models part most", said, _ends(close, push, drawn), axes), said)
 
 
-def _worth(apart_mm: float, error_mm: float) -> str:
+def _worth(case: Case, apart_mm: float) -> str:
     """Value of one look at the object there, beside the error of the model itself."""
+    error_mm = case.gain.nominal_mm
     if not error_mm * _CLEAR > apart_mm:
         return "One look at the object there tells them apart."
     return (
         f"They differ there by {decimal(apart_mm, 1)} mm, and the model errs by {decimal(error_mm, 1)} mm: it takes "
-        f"about {(_CLEAR * error_mm / apart_mm) ** 2:.0f} such pushes."
+        f"about {(_CLEAR * error_mm / apart_mm) ** 2:.0f} such {motion_name(case.kind, count=2)}."
     )
 
 
