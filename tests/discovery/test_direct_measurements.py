@@ -132,6 +132,17 @@ def test_half_of_a_ropes_points_are_as_near_to_its_middle_as_its_radius_says() -
     assert abs(float(np.median(girth))) < 0.5e-3
 
 
+def test_a_check_is_off_by_more_than_the_least_error_alone() -> None:
+    """A tenth of a millimetre that every episode shows is no reason to look for a cause."""
+    truth = NOMINAL.copy()
+    truth[CATALOGUE.column("hand_eye_x")] = 1e-4
+    assert all(check.holds_null for check in direct_checks(PREDICTOR, prepare(study(truth), SUBJECT), NOMINAL))
+    truth[CATALOGUE.column("hand_eye_x")] = 3e-3
+    checks = direct_checks(PREDICTOR, prepare(study(truth), SUBJECT), NOMINAL)
+    assert any(not check.holds_null for check in checks if check.name.startswith("tool"))
+    assert all(check.holds_null for check in checks if not check.name.startswith(("tool", "camera")))
+
+
 def test_how_low_a_tool_is_of_which_the_surface_alone_is_seen_is_no_check() -> None:
     radius_m, turns = 0.008, np.linspace(0, 2 * np.pi, 60, endpoint=False)
     around = np.stack([radius_m * np.cos(turns), radius_m * np.sin(turns), np.linspace(0.01, 0.05, 60)], axis=1)

@@ -25,7 +25,7 @@ _PHASES = 8
 _ARM_M = 0.3
 """A slope of the table counts as the height that it makes over this length."""
 _WIDTHS = {"finger": 3, "table": 3, "log": 2 * _PHASES, "girth": 1}
-_LEAST_M = {"finger": 5e-4, "table": 3e-4, "log": 2e-4, "girth": 3e-4}
+LEAST_M = {"finger": 5e-4, "table": 3e-4, "log": 2e-4, "girth": 3e-4}
 """Least error of each kind, however many points are averaged: half a millimetre of bias in seeing a finger, a third in
 seeing a table or a rope, and a fifth in following a command, is not worth a name."""
 _HALF_INSIDE = 0.404
@@ -59,7 +59,7 @@ def row_of(kind: str) -> slice:
 def direct_blocks(first: int) -> tuple[Block, ...]:
     """Each kind as a block of rows, from row `first` on."""
     own = {kind: row_of(kind) for kind in _WIDTHS}
-    return tuple(Block(slice(first + at.start, first + at.stop), _LEAST_M[kind]) for kind, at in own.items())
+    return tuple(Block(slice(first + at.start, first + at.stop), LEAST_M[kind]) for kind, at in own.items())
 
 
 def direct_rows(predictor: Predictor, trials: SimulationBatch, about: Theta, changes: Sequence[Change]) -> DirectRows:
