@@ -73,7 +73,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
     left = float(np.maximum(open_ended.left.probability, decision.unknown))  # NaN where it was not looked for.
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
-    with stages.stage("next push"):
+    with stages.stage("next motion"):
         rivals = _rivals(screening, decision, open_ended)
         count = CANDIDATES["cpu" if jax.default_backend() == "cpu" else "gpu"]
         ahead = next_push(predictor, trials, rivals, count=count, height_m=subject.low_m - _BELOW_M)

@@ -14,7 +14,7 @@ from app.report.drawing.words import decimal
 from app.report.sections.verdict import is_extended
 
 _KEY = (
-    ("before", "before the push"),
+    ("before", "before the motion"),
     ("nominal", "nominal model"),
     ("extended", "extended model"),
     ("observed", "observed after it"),
