@@ -74,12 +74,12 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
     left = float(np.maximum(open_ended.left.probability, decision.unknown))  # NaN where it was not looked for.
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
     with stages.stage("next motion"):
-        rivals = _rivals(screening, decision, open_ended)
+        rivals = _rivals(screening, decision, NO_FORCE if formula is None else open_ended)
         count = CANDIDATES["cpu" if jax.default_backend() == "cpu" else "gpu"]
         ahead = next_push(predictor, trials, rivals, count=count, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
     confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
-    gained = _gain_text(gain.gain, subject.kind)
+    gained = _gain_text(gain.gain, subject.kind) if model is not None else ""
     case = Case(
         amount=_amount(study, subject),
         limits=limits,
@@ -163,17 +163,18 @@ class Conclusion(NamedTuple):
 
 
 def conclude(found: Judged, open_ended: UnexplainedForce) -> Conclusion:
-    """The verdict; none where its model predicts surely worse than the nominal one, whatever the fit says."""
+    """The verdict; none is named, and no model extended, where that predicts worse than the nominal one."""
     decision = found.decision
     verdict, names = verdict_of(decision, found.limits, open_ended)
     model = _model(verdict, decision, open_ended)
     gain = measure_gain(found.predictor, found.trials, found.screening, model)
-    is_named = model is not None and verdict != "set"
-    limits = (*found.limits, *gain_limits(gain.gain, found.trials.kind, is_named=is_named))
-    if is_named and gain.gain.is_loss:
-        kept = measure_gain(found.predictor, found.trials, found.screening, None)
-        return Conclusion("none", (), None, kept, limits)
-    return Conclusion(verdict, names, model, gain, limits)
+    extension = "the likeliest cause" if names else "the force that was found"
+    limits = gain_limits(gain.gain, found.trials.kind, extension if model is not None else None)
+    limits = (*found.limits, *limits)
+    if model is None or not gain.gain.is_loss:
+        return Conclusion(verdict, names, model, gain, limits)
+    is_set = verdict == "set"
+    return Conclusion(verdict if is_set else "none", names if is_set else (), None, gain.without_extension(), limits)
 
 
 def _model(verdict: VerdictKind, decision: ModelSelection, open_ended: UnexplainedForce) -> RefinedModel | None:

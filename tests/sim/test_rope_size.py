@@ -1,4 +1,4 @@
-"""Length and radius of ropes of clouds that show their surface alone: found within what is said of their errors."""
+"""Sizes of ropes of clouds that show their surface alone: the radius within its error, the length within 2 cm."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def surface(rng: np.random.Generator, radius_m: float, noise_m: float, side_deg:
 
 @pytest.mark.parametrize("side_deg", [60.0, 90.0])
 @pytest.mark.parametrize(("radius_m", "noise_m"), [(0.003, 0.0005), (0.004, 0.0012), (0.005, 0.0018), (0.008, 0.0012)])
-def test_a_rope_seen_from_above_is_as_thick_and_as_long_as_is_said(
+def test_a_rope_seen_from_above_is_as_thick_as_is_said_and_about_as_long(
     radius_m: float, noise_m: float, side_deg: float
 ) -> None:
     rng = np.random.default_rng(0)

@@ -47,20 +47,19 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
         )
 
 
-def gain_limits(gain: Gain, kind: ObjectTraits, *, is_named: bool) -> Iterator[Limit]:
-    """Limits that show in use, on episodes that were left out; `is_named`: whether the extended model has a name."""
+def gain_limits(gain: Gain, kind: ObjectTraits, extension: str | None) -> Iterator[Limit]:
+    """Limits that show in use, on episodes that were left out; `extension`: of the extended model, in words."""
     unit, motion = kind.unit, motion_name(kind.name)
-    if is_named and gain.is_loss:
+    if extension is not None and gain.is_loss:
         yield Limit(
             text=(
-                f"With the likeliest cause the model errs by {gain.extended_mm:.1f} {unit} a {motion} on episodes that "
+                f"With {extension} the model errs by {gain.extended_mm:.1f} {unit} a {motion} on episodes that "
                 f"it was not fitted to, without it by {gain.nominal_mm:.1f} {unit}."
             ),
             consequence=(
-                "What fits and does not predict is no cause, so none is named: check the sizes and the shapes of tool "
-                "and object, and record further episodes."
+                "What fits and does not predict is no cause, so the model is left without it: check the sizes and the "
+                "shapes of tool and object, and record further episodes."
             ),
-            fatal=True,
         )
     elif gain.is_of_weak_model and gain.nominal_mm < gain.still_mm:
         yield Limit(

@@ -17,6 +17,8 @@ from app.discovery.dataset.model_under_test import Family, Theta
 from app.discovery.residuals.sensitivity import Step
 from app.sim.effects.base import ObjectKind
 
+_LOSS = 0.05
+"""Share by which errors grow that is a loss: causes that change no plan gain and lose by chance."""
 _WEAK = 0.6
 """Share of the error of no motion above which a model explains little."""
 
@@ -75,13 +77,15 @@ class Gain:
 
     @property
     def is_loss(self) -> bool:
-        """True if the extended model predicts surely worse than the nominal one, or no better than no motion."""
-        return self.high < 0 or (self.gain < 0 and self.extended_mm >= self.still_mm)
+        """True if the extended model surely predicts much worse than the nominal one, or no better than no motion."""
+        if self.nominal_mm == 0:
+            return self.extended_mm > 0
+        return self.gain < 0 and (self.extended_mm >= self.still_mm or (self.high < 0 and self.gain < -_LOSS))
 
     @property
     def is_of_weak_model(self) -> bool:
-        """True if the nominal model explains little of what moves."""
-        return self.nominal_mm > _WEAK * self.still_mm
+        """True if neither model explains much of what moves."""
+        return min(self.nominal_mm, self.extended_mm) > _WEAK * self.still_mm
 
 
 @final

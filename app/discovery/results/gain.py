@@ -42,6 +42,17 @@ class Gained(NamedTuple):
     steps: Float64[np.ndarray, "S 2"]
     examples: tuple[Example, ...]
 
+    def without_extension(self) -> "Gained":
+        """The same where no extended model is used."""
+        nominal = self.gain.nominal_mm
+        none = 0.0 if nominal > 0 else float("nan")
+        return Gained(
+            gain=replace(self.gain, extended_mm=nominal, gain=none, low=none, high=none),
+            per_episode=self.per_episode[:, [0, 0]],
+            steps=self.steps[:, [0, 0]],
+            examples=tuple(replace(each, extended=each.nominal) for each in self.examples),
+        )
+
 
 class Folds(NamedTuple):
     """Nominal and extended models for each episode, fitted to the others. Both have the same numerics of a liquid."""

@@ -175,7 +175,7 @@ def sentences_of(
     more = (said,) if left > LEFT else ()
     if verdict == "set":
         first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
-        return (first, gain_text, *more)
+        return (first, *([gain_text] if gain_text else []), *more)
     parts = " and ".join(f"{effect_name(blame.effect)} ({_sizes_of(blame)})" for blame in causes)
     return (f"The model lacks {parts}.", gain_text, *more)
 
@@ -187,7 +187,7 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
         return ("Nothing is missing that these recordings show.",)
     said = f"{effect_name(likely)[0].upper()}{effect_name(likely)[1:]}"
     if probability > _LIKELIER:
-        first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
+        first = "Nothing can be named: the likeliest cause does not predict motions that it was not fitted to."
         return (first, f"{said} would have a probability of {words.probability(probability)} by the fit alone.")
     if (some := sum(probabilities.values())) > _LIKELIER:
         first = (
@@ -218,7 +218,10 @@ def _one_of(causes: Sequence[CauseResult]) -> str:
 def _sentences_on_force(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
     first = f"Something acts that no known cause explains, with a probability of {words.probability(left)}."
     if formula is None:
-        return (first, "No force that was tried predicts pushes that it was not fitted to: the model is left as it is.")
+        return (
+            first,
+            "No force that was tried predicts motions that it was not fitted to: the model is left as it is.",
+        )
     return (first, f"It is best said as a force. {formula.words}", gain_text)
 
 

@@ -65,12 +65,12 @@ def _detail(case: Case, push: NextPush) -> Markup:
 
 def _worth(case: Case, apart_mm: float) -> str:
     """Value of one look at the object there, beside the error of the model itself."""
-    error_mm = case.gain.nominal_mm
+    error_mm, unit = case.gain.nominal_mm, unit_of(case)
     if not error_mm * _CLEAR > apart_mm:
         return "One look at the object there tells them apart."
     return (
-        f"They differ there by {decimal(apart_mm, 1)} mm, and the model errs by {decimal(error_mm, 1)} mm: it takes "
-        f"about {(_CLEAR * error_mm / apart_mm) ** 2:.0f} such {motion_name(case.kind, count=2)}."
+        f"They differ there by {decimal(apart_mm, 1)} {unit}, and the model errs by {decimal(error_mm, 1)} {unit}: it "
+        f"takes about {(_CLEAR * error_mm / apart_mm) ** 2:.0f} such {motion_name(case.kind, count=2)}."
     )
 
 
