@@ -81,7 +81,7 @@ def alarm(watched: Watched) -> str:
     suspected = "; ".join(watched.suspicions) or "nothing stands out"
     to_know = f" To know, end the session and run `{watched.advice}`." if watched.advice else ""
     return (
-        f"The model has stopped being right, it seems since push {watched.since} (false alarms: at most "
+        f"The model has stopped being right, it seems since motion {watched.since} (false alarms: at most "
         f"{100 * watched.false_alarm:.0f} % of sessions). Suspected: {suspected}.{to_know}"
     )
 

@@ -140,9 +140,9 @@ def test_the_verdict_and_what_the_watch_says_are_seen_and_the_asked_push_is_appr
     assert (decision.proposal_id, decision.digest) == (plain.id, plain.motion.digest())
 
     served.console.show(WATCHED)
-    expect(page.get_by_text("Right so far, 7 pushes")).to_be_visible()
+    expect(page.get_by_text("Right so far, 7 motions")).to_be_visible()
     served.console.show(WRONG)
-    expect(page.get_by_text("it seems since push 5")).to_be_visible()
+    expect(page.get_by_text("it seems since motion 5")).to_be_visible()
     expect(page.get_by_text(WRONG.advice)).to_be_visible()
 
 

@@ -52,12 +52,12 @@ VERDICT = Verdict(
 @pytest.mark.parametrize(
     ("watched", "says"),
     [
-        (None, "Watched from the first push on"),
-        (replace(WATCHED, state="learning", pushes=1), "Learning what is usual, 1 push so far"),
-        (WATCHED, "Right so far, 7 pushes"),
+        (None, "Watched from the first motion on"),
+        (replace(WATCHED, state="learning", pushes=1), "Learning what is usual, 1 motion so far"),
+        (WATCHED, "Right so far, 7 motions"),
         (WATCHED, "3.4 mm"),
         (WATCHED, "false in 1 % of sessions at most"),
-        (WRONG, "Has stopped being right, it seems since push 5"),
+        (WRONG, "Has stopped being right, it seems since motion 5"),
         (WRONG, "Contact or table: the object ends 4.1 mm less far"),
         (WRONG, "dipac discover recordings/a.mcap"),
         (replace(WRONG, suspicions=()), "Nothing stands out"),

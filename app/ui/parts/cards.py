@@ -231,7 +231,7 @@ def episode(state: ConsoleState) -> str:
         ("Rig", escape(seen.rig)),
         ("Seed", str(seen.seed)),
         ("Code", escape(seen.code_version)),
-        ("Pushes", str(len(state.outcomes))),
+        ("Motions", str(len(state.outcomes))),
     )
     return f'<div class="dp">{table(rows)}</div>'
 

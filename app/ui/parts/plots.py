@@ -19,12 +19,12 @@ class Plots:
     """Drawn into the container that is open when this is made; empty until there is something to draw."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._empty = gui.add_html('<div class="dp"><small>After the first push.</small></div>')
+        self._empty = gui.add_html('<div class="dp"><small>After the first motion.</small></div>')
         flat = np.zeros(2)
         self._distance = gui.add_uplot(
             (flat, flat, flat),
             (
-                uplot.Series(label="push"),
+                uplot.Series(label="motion"),
                 line("seen [mm]", palette.OBSERVED),
                 line("predicted [mm]", palette.PREDICTED),
             ),

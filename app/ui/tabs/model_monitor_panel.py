@@ -26,7 +26,7 @@ def watch(state: ConsoleState) -> str:
     """Card of the change detection: the model's state, the last prediction error, and the suspected causes."""
     seen = state.watched
     if seen is None:
-        return '<div class="dp"><small>Watched from the first push on.</small></div>'
+        return '<div class="dp"><small>Watched from the first motion on.</small></div>'
     said, tone = _state(seen)
     parts = [f'<p class="{tone}"><b>{escape(said)}</b></p>', table(_watch_rows(seen))]
     if seen.state == "wrong":
@@ -37,11 +37,11 @@ def watch(state: ConsoleState) -> str:
 def _state(seen: Watched) -> tuple[str, str]:
     match seen.state:
         case "learning":
-            return f"Learning what is usual, {_count_text(seen.pushes)} so far", ""
+            return f"Learning what is usual, {words.motions(seen.pushes)} so far", ""
         case "right":
-            return f"Right so far, {_count_text(seen.pushes)}", "dp-good"
+            return f"Right so far, {words.motions(seen.pushes)}", "dp-good"
         case "wrong":
-            return f"Has stopped being right, it seems since push {seen.since}", "dp-bad"
+            return f"Has stopped being right, it seems since motion {seen.since}", "dp-bad"
 
 
 def _watch_rows(seen: Watched) -> Iterable[tuple[str, str]]:
@@ -90,10 +90,6 @@ def _cause(cause: Blamed, *, named: bool) -> tuple[str, str]:
         f"<b>{title}</b>" if named else title,
         f"{escape(words.probability(cause.probability))}<br><small>{escape(cause.size)}</small>",
     )
-
-
-def _count_text(pushes: int) -> str:
-    return "1 push" if pushes == 1 else f"{pushes} pushes"
 
 
 def _percent(share: float) -> str:
