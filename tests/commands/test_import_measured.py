@@ -272,7 +272,7 @@ def test_a_copy_of_an_episode_is_noticed(tmp_path: Path) -> None:
     for name in ("one", "copy"):
         imported(tmp_path, measured_arrays(study, task.finger, about=said(task)), name)
         paths.append(tmp_path / f"{name}.mcap")
-    assert "Episodes 1 and 3 hold the same push." in fatal(read_study(paths))
+    assert "Episodes 1 and 3 hold the same motion." in fatal(read_study(paths))
 
 
 def cut(view: Any) -> Any:

@@ -41,8 +41,8 @@ def gained(nominal_mm: float, extended_mm: float, *, low: float, high: float) ->
 
 
 BETTER = gained(20.0, 12.0, low=0.3, high=0.5)
-A_LITTLE_WORSE = gained(20.0, 20.2, low=-0.02, high=-0.001)
-WORSE = gained(20.0, 34.0, low=-0.82, high=-0.6)
+A_LITTLE_WORSE = gained(20.0, 22.0, low=-0.12, high=-0.05)
+WORSE = gained(20.0, 60.0, low=-2.8, high=-1.5)
 
 
 def concluded(monkeypatch: pytest.MonkeyPatch, kind: str, gain: Gained) -> Conclusion:
@@ -81,7 +81,7 @@ def test_what_predicts_worse_is_not_named_and_extends_no_model(monkeypatch: pyte
     assert (found.verdict, bool(found.names)) == (("set", True) if kind == "set" else ("none", False))
     assert found.model is None
     (limit,) = found.limits
-    assert "errs by 34.0 mm a push" in limit.text
+    assert "errs by 60.0 mm a push" in limit.text
     assert ("the force that was found" in limit.text) == (kind == "none_of_these")
     assert found.gain.gain == replace(WORSE.gain, extended_mm=20.0, gain=0.0, low=0.0, high=0.0)
     np.testing.assert_array_equal(found.gain.steps, [[20.0, 20.0]])

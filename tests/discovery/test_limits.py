@@ -142,7 +142,7 @@ BROKEN: dict[str, tuple[Study, str, str, bool]] = {
     "one direction": (each(lambda p: along(p, 0.3)), "in 1 direction", "No cause is named", True),
     "a copy of an episode": (
         replace(GOOD, pushes=(*GOOD.pushes, *(replace(p, episode=p.episode + 6) for p in GOOD.pushes[:4]))),
-        "Episodes 1 and 7 hold the same push",
+        "Episodes 1 and 7 hold the same motion",
         "leave out copies",
         True,
     ),

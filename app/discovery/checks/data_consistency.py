@@ -84,7 +84,7 @@ def same_episodes(study: Study) -> Iterator[Limit]:
         other = first.setdefault(key, push.episode)
         if other != push.episode:
             yield Limit(
-                text=f"Episodes {other + 1} and {push.episode + 1} hold the same push.",
+                text=f"Episodes {other + 1} and {push.episode + 1} hold the same motion.",
                 consequence=(
                     "An episode that counts twice makes everything look surer than it is, so no cause is named: leave "
                     "out copies of recordings, and what was recovered of one that is whole."

@@ -23,8 +23,8 @@ def frame_tests(
     means, episode = arrows.mean(1), np.array([push.episode for push in trials.study.pushes])
     camera = np.asarray(trials.study.camera)[:2]
     frames: list[tuple[str, str, Means]] = [
-        ("world", "the same way on the table, whatever the push: tilt, draught, cameras", means),
-        ("push", "along or across the push: friction, delay, lag, compliance", _turn(means, _headings(trials))),
+        ("world", "the same way on the table, whatever the motion: tilt, draught, cameras", means),
+        ("push", "along or across the motion: friction, delay, lag, compliance", _turn(means, _headings(trials))),
         ("tool", "fixed to the turned tool: its tip is elsewhere", _turn(means, _yaws(trials))),
         ("camera", "towards or away from the cameras: depth", _turn(means, _angles(places.mean(1) - camera))),
     ]

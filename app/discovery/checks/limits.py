@@ -106,7 +106,7 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
             text=f"All {motions} are equally fast ({_span(min(speeds), max(speeds))}).",
             consequence=(
                 "command_delay, tool_compliance, stribeck and viscous_film cannot be told apart: what they do differs "
-                "by speed. Push at three speeds next time, for example 0.05, 0.12 and 0.30 m/s."
+                "by speed. Move at three speeds next time, for example 0.05, 0.12 and 0.30 m/s."
             ),
         )
     directions = _directions(low)
@@ -115,7 +115,7 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
             text=f"The {motions} go in {_count_text(directions)}; {_DIRECTIONS} are asked for.",
             consequence=(
                 "table_tilt, hand_eye_translation, tcp_offset, friction_anisotropy and draught look alike along one "
-                "line, and what they do across it does not show. Push from all sides next time."
+                "line, and what they do across it does not show. Come from all sides next time."
                 + (" No cause is named." if directions < _FEWEST_DIRECTIONS else "")
             ),
             fatal=directions < _FEWEST_DIRECTIONS,
