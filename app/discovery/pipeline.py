@@ -169,8 +169,8 @@ def conclude(found: Judged, open_ended: UnexplainedForce) -> Conclusion:
     model = _model(verdict, decision, open_ended)
     gain = measure_gain(found.predictor, found.trials, found.screening, model)
     extension = "the likeliest cause" if names else "the force that was found"
-    limits = gain_limits(gain.gain, found.trials.kind, extension if model is not None else None)
-    limits = (*found.limits, *limits)
+    in_use = gain_limits(gain.gain, found.trials.kind, None if model is None else extension)
+    limits = (*found.limits, *in_use)
     if model is None or not gain.gain.is_loss:
         return Conclusion(verdict, names, model, gain, limits)
     is_set = verdict == "set"

@@ -12,10 +12,10 @@ from app.discovery.inference.screen import Screening
 from app.discovery.pipeline import Conclusion, Judged, conclude
 from app.discovery.residuals.forces import with_formula
 from app.discovery.residuals.predict import Predictor
-from app.discovery.results.case import Gain
 from app.discovery.results.gain import Gained
 from app.discovery.unexplained.formula import NO_FORCE, AcceptedFormula, UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
+from tests.discovery.test_soundness import gain
 from tests.discovery.test_steppers import trials
 from tests.discovery.test_verdict import CATALOGUE, SUBJECT, SURE, TORN, model
 
@@ -26,18 +26,9 @@ FOUND = {"named": (SURE, NO_FORCE), "set": (TORN, NO_FORCE), "none_of_these": (S
 
 
 def gained(nominal_mm: float, extended_mm: float, *, low: float, high: float) -> Gained:
-    share = 1 - extended_mm / nominal_mm
     errors = np.array([[nominal_mm, extended_mm]])
-    gain = Gain(
-        still_mm=70.0,
-        nominal_mm=nominal_mm,
-        extended_mm=extended_mm,
-        gain=share,
-        low=low,
-        high=high,
-        episodes=5,
-    )
-    return Gained(gain=gain, per_episode=errors, steps=errors, examples=())
+    found = gain(nominal_mm, extended_mm, low=low, high=high)
+    return Gained(gain=found, per_episode=errors, steps=errors, examples=())
 
 
 BETTER = gained(20.0, 12.0, low=0.3, high=0.5)
@@ -45,13 +36,12 @@ A_LITTLE_WORSE = gained(20.0, 22.0, low=-0.12, high=-0.05)
 WORSE = gained(20.0, 60.0, low=-2.8, high=-1.5)
 
 
-def concluded(monkeypatch: pytest.MonkeyPatch, kind: str, gain: Gained) -> Conclusion:
+def concluded(monkeypatch: pytest.MonkeyPatch, kind: str, measured: Gained) -> Conclusion:
     decision, force = FOUND[kind]
-    monkeypatch.setattr(pipeline, "measure_gain", Mock(return_value=gain))
-    predictor = Predictor(SUBJECT, CATALOGUE)
+    monkeypatch.setattr(pipeline, "measure_gain", Mock(return_value=measured))
     return conclude(
         Judged(
-            predictor=predictor,
+            predictor=Predictor(SUBJECT, CATALOGUE),
             trials=trials(),
             about=CATALOGUE.nominal(SUBJECT),
             screening=object.__new__(Screening),  # For the gain alone, which is given.
@@ -62,15 +52,15 @@ def concluded(monkeypatch: pytest.MonkeyPatch, kind: str, gain: Gained) -> Concl
     )
 
 
-@pytest.mark.parametrize("gain", [BETTER, A_LITTLE_WORSE], ids=["better", "a little worse"])
+@pytest.mark.parametrize("measured", [BETTER, A_LITTLE_WORSE], ids=["better", "a little worse"])
 @pytest.mark.parametrize("kind", sorted(FOUND))
 def test_what_predicts_as_well_or_better_stays_what_was_decided(
-    monkeypatch: pytest.MonkeyPatch, kind: VerdictKind, gain: Gained
+    monkeypatch: pytest.MonkeyPatch, kind: VerdictKind, measured: Gained
 ) -> None:
-    found = concluded(monkeypatch, kind, gain)
+    found = concluded(monkeypatch, kind, measured)
     assert found.verdict == kind
     assert found.model is not None
-    assert found.gain is gain
+    assert found.gain is measured
     assert not found.limits
 
 
