@@ -217,8 +217,8 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     """The simulator of a task in whose range these pushes are.
 
     That is the one of stiff rods where the usual one, refitted to them, is stiff or errs more than the stiffest that it
-    bears, and a stiff rod errs less. A refit has several minima: the nominal rod is the one of `_STIFFER` from which it
-    errs least. Raises as `subject_of`.
+    bears, and a stiff rod errs less: as it is, or refitted, where the usual one is as stiff as it may be. A refit has
+    several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
     """
     usual = subject_of(task, study.setup, priors=study.priors)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
@@ -234,7 +234,8 @@ def doubted_in(study: Study, task: Task) -> Doubted:
     known, least_pa = stiff.catalogue(), float(stiff.nominal[column])
     stiffer = (least_pa * times for times in _STIFFER)
     starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
-    if min(_error_m(start, trials, known.nominal(start.subject)) for start in starts) >= error_m:
+    at_its_end = about[column] >= stiffest[column]
+    if not at_its_end and min(_error_m(each, trials, known.nominal(each.subject)) for each in starts) >= error_m:
         return Doubted(subject=usual, about=about)
     found = [(predictor, about), *((start, refit(start, trials)) for start in starts)]
     best, refitted = min(found, key=lambda pair: _error_m(pair[0], trials, pair[1]))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.residuals.displacement_field import MODES, Basis, register
+from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import STARTS, residuals
 from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
@@ -72,8 +72,7 @@ def test_residuals_of_rods_are_means_over_beginnings_that_are_the_same_for_every
     assert found.spread.shape[2] == STARTS
     starts = [trials(), *(trials().with_noise(seed) for seed in range(STARTS - 1))]
     ends = np.mean([predictor()(start, [nominal]).after[0] for start in starts], axis=0)
-    basis = Basis.along(ends[0].astype(np.float32), trials().labels[0, :, 0])
-    expected = register(ends[0].astype(np.float32), trials().observed.after[0], basis)
+    expected = trials().gap(0, "after", ends[0].astype(np.float32), trials().observed.after[0])
     np.testing.assert_allclose(found.r[0, 2 * MODES : 4 * MODES], expected, atol=1e-5)
 
 

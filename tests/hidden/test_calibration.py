@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bench.hidden.calibration import WORLDS, Lines, World, drawn, learnt, left_out, of_other_worlds, said
+from bench.hidden.ropes import RopeCase
 
 CAUSES = ("draught", "friction_map", "stribeck", "table_tilt")
 COUNT = 1500
@@ -57,6 +58,19 @@ def test_of_two_that_are_hidden_either_is_right() -> None:
     assert (found[:, :2].sum(1) > 0.5).mean() > 0.7
 
 
+def test_a_table_that_is_learnt_on_stays_where_studies_say_nothing_and_goes_where_many_do() -> None:
+    known = studies()
+    before = learnt(replace(known, true=np.roll(known.true, 1, axis=1)))
+    few, many = (learnt(known, range(count), before) for count in (0, COUNT))
+    np.testing.assert_array_equal(few.weights, before.weights)
+    assert few.studies == before.studies
+    assert many.studies == before.studies + COUNT
+    right = known.true[:, :-1].argmax(1)
+    hidden = known.true[:, -1] == 0
+    assert (said(many, known)[hidden, :-1].argmax(1) == right[hidden]).mean() > 0.8
+    assert (said(before, known)[hidden, :-1].argmax(1) == right[hidden]).mean() < 0.5
+
+
 def test_a_world_says_nothing_of_itself_in_what_is_learnt_of_the_others() -> None:
     known = studies()
     odd = np.array(known.worlds) == "cable"
@@ -74,6 +88,9 @@ def test_studies_are_the_same_whatever_others_are_drawn_and_hide_what_can_be_hid
     assert 0.1 < (counts == 0).mean() < 0.35
     assert 0.02 < (counts == 2).mean() < 0.15
     assert len({each.effect for _, case in cases for each in case.hidden}) > 20
+    for _, case in cases:
+        if isinstance(case, RopeCase):
+            assert len(case.injected) == len(case.hidden)
     assert {each.effect for world, case in cases if world == "cable" for each in case.hidden} <= _ARM
 
 

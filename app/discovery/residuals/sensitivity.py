@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.types import Points
 from app.discovery.dataset.model_under_test import Catalogue, Cause, Theta
 from app.discovery.residuals.direct_measurements import Change, best_by_log, direct_blocks, direct_rows
-from app.discovery.residuals.displacement_field import register
 from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
@@ -329,14 +328,15 @@ def _assemble(
             predicted, observed = getattr(base, name)[k], getattr(trials.observed, name)[k]
             if (name == "during" and not trials.has_during[k]) or not np.isfinite(predicted).all():
                 continue
-            basis = trials.basis(k, name, predicted)
-            r[k, rows] = register(predicted, observed, basis)
+            r[k, rows] = trials.gap(k, name, predicted, observed)
             if changes:
-                displaced = np.stack([getattr(each, name)[k][:, : trials.axes] for each in changes])
-                J[k, rows] = basis.project(np.nan_to_num(displaced.astype(np.float64))).T * scale
+                displaced = np.stack([getattr(each, name)[k] for each in changes])
+                J[k, rows] = (
+                    trials.amplitudes(k, name, predicted, np.nan_to_num(displaced.astype(np.float64))).T * scale
+                )
             if replicas:
-                moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, : trials.axes] for seen in replicas])
-                ends_at = basis.project(np.nan_to_num(moved_on.astype(np.float64)))
+                moved_on = np.stack([getattr(seen, name)[k] - predicted for seen in replicas]).astype(np.float64)
+                ends_at = trials.amplitudes(k, name, predicted, np.nan_to_num(moved_on))
                 spread[k, rows] = ends_at.T / np.sqrt(len(replicas))
             known[k, rows] = True
     return Residuals(

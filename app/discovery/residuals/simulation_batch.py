@@ -15,11 +15,14 @@ from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.dataset.study import ProjectionView, Push, Study
+from app.discovery.residuals.centreline_gap import centreline_gap, with_length_kept
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis, register
 from app.discovery.residuals.poured_contents import CONTENTS, contents_m
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Load
+from app.sim.rods.geometry.rope_cloud import RopeShape
+from app.sim.rods.state import RodStart
 
 _LEAD_S, _TAIL_S = 0.05, 0.7
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""
@@ -66,6 +69,8 @@ class SimulationBatch:
     tools: Mapping[View, Float64[np.ndarray, "K 4"]] = field(default_factory=dict[View, Float64[np.ndarray, "K 4"]])
     """Tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
     bowls: PouredBowls | None = None
+    rope: RopeShape | None = None
+    """The rope of a rod, whose centreline is found in its clouds."""
 
     @property
     def modes(self) -> int:
@@ -101,7 +106,23 @@ class SimulationBatch:
         """Residuals [m] of a cloud of push `k`, the prediction of a view: that which makes it the observation."""
         if self.bowls is not None:
             return contents_m(self.bowls, observed) - contents_m(self.bowls, predicted)
-        return register(predicted, observed, self.basis(k, view, predicted))
+        basis = self.basis(k, view, predicted)
+        if self.rope is None:
+            return register(predicted, observed, basis)
+        return basis.project(centreline_gap(predicted, observed, self._along(k), self.rope))
+
+    def amplitudes(
+        self, k: int, view: View, predicted: Points, displaced: Float64[np.ndarray, "C N 3"]
+    ) -> Float64[np.ndarray, "C R"]:
+        """Amplitudes [m] by which residuals of push `k` shrink if its prediction is displaced like this [m]."""
+        planar = displaced[..., : self.axes]
+        if self.rope is not None:
+            planar = with_length_kept(planar, predicted, self._along(k), self.rope)
+        return self.basis(k, view, predicted).project(planar)
+
+    def _along(self, k: int) -> Float32[np.ndarray, " N"]:
+        """Places of the particles of push `k` along an object, from 0 to 1."""
+        return (self.labels[k, :, 0] + 1) / 2
 
     def __len__(self) -> int:
         return len(self.study.pushes)
@@ -152,7 +173,7 @@ class SimulationBatch:
 
     def _labels_of(self, k: int, cloud: Points) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
         """Labels and middles of the object of push `k` where it lies as this cloud."""
-        return label_of((self.labels[k, :, 0] + 1) / 2, cloud) if self.kind.has_length else no_labels(cloud)
+        return label_of(self._along(k), cloud) if self.kind.has_length else no_labels(cloud)
 
     def _add_noise(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
         """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""
@@ -196,6 +217,7 @@ def prepare(study: Study, subject: Subject) -> SimulationBatch:
         smooth=subject.rods is not None,
         kind=subject.kind,
         bowls=subject.bowls,
+        rope=None if subject.rods is None else RodStart.of(subject.rods.scene).shape,
         tools={
             "during": _tools_at(pushes, starts, stops),
             "after": _tools_at(pushes, starts, np.array([last for _, last in low])),

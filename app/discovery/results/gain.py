@@ -18,7 +18,6 @@ from app.discovery.inference.held_out import left_out_thetas
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.refine import RefinedModel
 from app.discovery.inference.screen import Screening
-from app.discovery.residuals.displacement_field import register
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import apply_step
 from app.discovery.residuals.simulation_batch import SimulationBatch
@@ -147,7 +146,7 @@ def error_mm(trials: SimulationBatch, k: int, predicted: Points) -> float:
     if trials.bowls is not None:
         return _MM * float(np.linalg.norm(trials.gap(k, "after", predicted, trials.observed.after[k])))
     basis = trials.basis(k, "after", predicted)
-    field = basis.field(register(predicted, trials.observed.after[k], basis))
+    field = basis.field(trials.gap(k, "after", predicted, trials.observed.after[k]))
     return _MM * float(np.linalg.norm(field, axis=1).mean())
 
 

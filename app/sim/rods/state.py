@@ -118,6 +118,12 @@ class RodStart:
         """Start of the rope of a scene."""
         return cls(scene.nodes, scene.rest_m, scene.radius_m)
 
+    @property
+    def shape(self) -> RopeShape:
+        """The rope as it is known."""
+        assert self.radius_m is not None
+        return RopeShape(count=self.count, rest_m=self.rest_m, radius_m=self.radius_m)
+
     def __call__(self, x: Float[jax.Array, "B N 3"], near: Float[jax.Array, "2 n"] | None = None) -> RodState:
         """Unmoving, its bends at the centre of yield."""
         return RodState.at_rest(x, self.count, self.rest_m, self.radius_m, near)

@@ -49,6 +49,8 @@ _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _BLAS = ThreadpoolController()
 """NumPy's thread pool: its matrices here are so small that threads take ten times as long."""
+_KEPT = 4096
+"""Clouds whose centrelines are remembered, more than a large study has views: up to 100 MB."""
 _PRIOR = 1.0, 4.0
 """Standard deviation of the prior centreline, in radii, and the most that it counts."""
 
@@ -84,19 +86,25 @@ class Trace:
         """Cost of the rival beyond the best line's; infinite where there is none."""
         return float("inf") if self.rival is None else float(self.scores[self.rival] - self.scores[0])
 
+    def near(self, line: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, "n 2"]:
+        """The best where the centreline was predicted to be there [m], running the same way."""
+        costs = self.scores + _cost_of_distance(self.lines, line, self.rope)
+        return _orient(self.lines[[costs.argmin()]], line)[0]
+
 
 def trace(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Trace:
     """Centrelines through particles `x` of a rope on the table z = 0.
 
     `near`: where the centreline was predicted to be [m]; it is one hypothesis more, and others that are far from it
     count less. The result then runs the same way; else from the end with the smaller x. It does not depend on the order
-    of the particles. The last few are kept: who simulates a rope and who judges its cloud ask for the same one.
+    of the particles. Thousands are kept: who simulates a rope and who judges its cloud ask for the same one, and every
+    model is compared with the same views.
     """
     prior = None if near is None else np.ascontiguousarray(near, np.float64).tobytes()
     return _trace(np.ascontiguousarray(x, np.float32).tobytes(), rope, prior)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=_KEPT)
 @_BLAS.wrap(limits=1, user_api="blas")
 def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     x = np.frombuffer(points, np.float32).reshape(-1, 3)
@@ -112,6 +120,12 @@ def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
         lines, scores = _with_reconnections(lines, scores, cloud, rope, near)
     lines = _refine(lines, cloud, rope)
     return Trace(lines=_orient(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
+
+
+def settle(x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> Float64[np.ndarray, "n 2"]:
+    """Centreline [m] through particles `x` that run in the order of `line`, found as `trace` finds it in the end."""
+    cloud = weigh_points(x, rope)
+    return _refine(of_equal_steps(line[None] - cloud.origin, rope.rest_m), cloud, rope)[0] + cloud.origin
 
 
 def weigh_points(x: Points, rope: RopeShape) -> Weighted:
@@ -274,11 +288,16 @@ def _scores(
         "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
     }
     total = np.sum([_WEIGHTS[name] * value for name, value in terms.items()], axis=0)
-    if near is not None:
-        width, most = _PRIOR
-        off = np.array([distance(line, near - cloud.origin) for line in lines]) / (width * r)
-        total = total + np.minimum(off**2 / 2, most)
-    return total
+    return total if near is None else total + _cost_of_distance(lines, near - cloud.origin, rope)
+
+
+def _cost_of_distance(
+    lines: Float64[np.ndarray, "K n 2"], near: Float64[np.ndarray, "n 2"], rope: RopeShape
+) -> Float64[np.ndarray, " K"]:
+    """Costs of lines that are off where the centreline was predicted to be."""
+    width, most = _PRIOR
+    off = np.array([distance(line, near) for line in lines]) / (width * rope.radius_m)
+    return np.minimum(off**2 / 2, most)
 
 
 def _average(
