@@ -21,18 +21,15 @@ from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
 from app.core.types import Points
-from app.discovery.checks.limits import limits_of
-from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import Subject, Theta
 from app.discovery.dataset.study import Study
-from app.discovery.inference.decide import NAMED, ModelSelection, decide, is_sized
+from app.discovery.inference.decide import NAMED, is_sized
 from app.discovery.inference.held_out import held_out_gain
-from app.discovery.inference.screen import Screening, refit, screen
-from app.discovery.residuals.predict import Predictor
+from app.discovery.pipeline import Conclusion, Judged, Stages, conclude, judge
 from app.discovery.residuals.simulation_batch import SimulationBatch, prepare
-from app.discovery.results.case import CauseResult, Limit
+from app.discovery.results.case import CauseResult
 from app.discovery.results.gain import error_mm
-from app.discovery.results.verdict import ranking_of, verdict_of
+from app.discovery.results.verdict import ranking_of
 from app.discovery.unexplained.formula import UnexplainedForce
 from app.discovery.unexplained.residual_test import ResidualTest
 from app.jobs.discovery_subject import doubted_in
@@ -71,30 +68,28 @@ _DOUBT: Final = 0.1
 class Investigated:
     """Verdict of the pipeline on a study, and the intermediate results behind it."""
 
-    predictor: Predictor
-    trials: SimulationBatch
-    screening: Screening
-    decision: ModelSelection
-    limits: tuple[Limit, ...]
+    found: Judged
+    conclusion: Conclusion
     ranking: tuple[CauseResult, ...]
 
     @property
     def extended(self) -> Theta:
         """The model with the likeliest cause, accepted or not."""
-        return (self.decision.accepted or self.decision.singles[0]).estimate
+        decision = self.found.decision
+        return (decision.accepted or decision.singles[0]).estimate
 
     @property
     def said(self) -> str:
         """The verdict, and why none is named where none is."""
-        kind, causes = verdict_of(self.decision, self.limits, _NOT_LOOKED_FOR)
-        if kind != "none":
-            return f"{kind}: {', '.join(causes)}"
+        if self.conclusion.verdict != "none":
+            return f"{self.conclusion.verdict}: {', '.join(self.conclusion.names)}"
         return f"none: {'; '.join(self._reasons())}"
 
     def _reasons(self) -> Iterator[str]:
-        yield from (limit.text for limit in self.limits if limit.fatal)
-        best, nothing, screened = self.decision.singles[0], self.decision.nothing, self.screening
-        held = self.decision.held or held_out_gain((screened.data, screened.prior), best)
+        decision, screened = self.found.decision, self.found.screening
+        yield from (limit.text for limit in self.conclusion.limits if limit.fatal)
+        best, nothing = decision.singles[0], decision.nothing
+        held = decision.held or held_out_gain((screened.data, screened.prior), best)
         if nothing >= _DOUBT:
             yield f"nothing missing has {nothing:.0%}, and no name is given above {_DOUBT:.0%}"
         if held.gain <= 2 * held.error:
@@ -102,8 +97,10 @@ class Investigated:
                 f"with {best.causes[0]} pushes left out are likelier by {held.gain:.1f} +- {held.error:.1f} nats, "
                 f"which is less than two standard errors"
             )
-        if not is_sized(self.predictor.catalogue, best):
+        if not is_sized(self.found.predictor.catalogue, best):
             yield f"the size of {best.causes[0]} is at the end of its range, or may be none"
+        if decision.accepted is not None and self.conclusion.model is None:  # It predicted worse in use.
+            yield from (limit.text for limit in self.conclusion.limits if limit not in self.found.limits)
 
 
 class Errors(NamedTuple):
@@ -117,18 +114,11 @@ class Errors(NamedTuple):
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def investigated(study: Study, subject: Subject) -> Investigated:
     """The chain as `dipac discover` has it, but for forces of no cause."""
-    predictor = Predictor(subject, subject.catalogue())
-    trials = prepare(study, subject)
-    screening = screen(predictor, trials, refit(predictor, trials))
-    trials = trials.with_ends(screening.ends)
-    decision = decide(predictor, trials, screening, lambda _: None)
+    found = judge(study, subject, Stages(lambda _: None))
     return Investigated(
-        predictor=predictor,
-        trials=trials,
-        screening=screening,
-        decision=decision,
-        limits=(*limits_of(study, subject), *model_limits(trials, screening.data)),
-        ranking=ranking_of(predictor.catalogue, subject, screening, decision),
+        found=found,
+        conclusion=conclude(found, _NOT_LOOKED_FOR),
+        ranking=ranking_of(found.predictor.catalogue, subject, found.screening, found.decision),
     )
 
 
@@ -138,10 +128,11 @@ def left_out(study: Study, subject: Subject) -> list[Errors]:
     for k, push in enumerate(study.pushes):
         rest = replace(study, pushes=tuple(other for other in study.pushes if other is not push))
         known = investigated(rest, subject)
-        models = [known.predictor.catalogue.nominal(subject), known.screening.about, known.extended]
+        predictor = known.found.predictor
+        models = [predictor.catalogue.nominal(subject), known.found.about, known.extended]
         own = prepare(replace(study, pushes=(push,)), subject)
-        ends = [*known.predictor(own, models).after[:, 0], push.before.points]
-        cause = known.decision.singles[0].causes[0]
+        ends = [*predictor(own, models).after[:, 0], push.before.points]
+        cause = known.found.decision.singles[0].causes[0]
         displacement, chamfer = np.array([_errors(own, end) for end in ends]).T
         found.append(Errors(displacement, chamfer, cause))
         print(f"push {k + 1}: {cause}, {np.round(found[-1].chamfer, 1).tolist()}", flush=True)
@@ -228,7 +219,7 @@ def main(
             f"{it.name} {it.value:.3g} ({it.low:.3g} to {it.high:.3g}) {it.unit}" for it in blame.estimates
         )
         console.print(f"  {blame.effect} {blame.probability:.2f}, {blame.log_bayes:.1f} nats: {sizes}")
-    console.print(f"  (named above {NAMED}; nothing missing {plain.decision.nothing:.2f})")
+    console.print(f"  (named above {NAMED}; nothing missing {plain.found.decision.nothing:.2f})")
     told, count = gripper(pushes, models)
     console.print(f"The gripper, by {count:.0f} of {models} models:", *map(str, told), sep="\n  ")
     console.print(_shown(left_out(study, subject), pushes))

@@ -4,8 +4,8 @@ Each study is a recording of one of three worlds (MuJoCo's chain, its elastic ca
 rope, finger, cameras' noise and frictions drawn anew and none, one, two or unknown effects hidden in it, and goes
 through discovery's refit and screening. Its features are a line of the file; what is done is not done again, so files
 of several machines can be joined, and an interrupted run goes on. The softmax is fitted to all lines, and tried on each
-tenth of them that it was not fitted to, and on each world by what was learnt in the others. `--on`: the table that
-comes with the program is what is thought before, so that a few hundred studies change it and need not replace it.
+tenth of them that it was not fitted to, and on each world by what was learnt in the others. `--before FILE`: what that
+table says is thought before, so that a few hundred studies change it and need not replace it; it must not know them.
 """
 
 import json
@@ -30,7 +30,7 @@ from threadpoolctl import threadpool_limits
 
 from app.core.geometry.scene_description import Rope
 from app.discovery.dataset.model_under_test import catalogue
-from app.discovery.inference.calibration import Calibration, calibration, features
+from app.discovery.inference.calibration import Calibration, calibration, calibration_in, features
 from app.discovery.inference.decide import (
     NAMED,
     further_suspects,
@@ -251,7 +251,8 @@ def learnt(known_lines: Lines, chosen: Sequence[int] | None = None, before: Cali
 
 def _values_of(table: Calibration, known_lines: Lines) -> Float64[np.ndarray, " V"]:
     """Weights, biases and the bias of nothing, in the order in which they are learnt."""
-    biases = [table.biases[cause] for cause in known_lines.causes]
+    usual = float(np.mean(list(table.biases.values())))  # Of a cause that is new.
+    biases = [table.biases.get(cause, usual) for cause in known_lines.causes]
     return np.concatenate([table.weights, biases, [table.nothing]])
 
 
@@ -295,7 +296,7 @@ def main(
     workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
     refits: Annotated[int, tyro.conf.arg(help="likeliest causes that are refitted, too")] = 0,
     many: Annotated[bool, tyro.conf.arg(help="studies of 80 to 400 pushes instead of 20 to 100")] = False,
-    on: Annotated[bool, tyro.conf.arg(help="learn on from the table that comes with the program")] = False,
+    before: Annotated[Path | None, tyro.conf.arg(help="a table to learn on from, learnt from other studies")] = None,
     table: Annotated[Path | None, tyro.conf.arg(help="where to write what is learnt, as JSON")] = None,
 ) -> None:
     """Run the missing studies, learn from all of them, and print the reliability."""
@@ -311,14 +312,14 @@ def main(
             file.write(json.dumps(future.result()) + "\n")
             file.flush()
     known_lines = Lines.of([line for line in lines(path) if "features" in line])
-    before = calibration() if on else None
-    terminal.print(_shown(left_out(known_lines, before), known_lines, "each left out of what was learnt"))
+    known = None if before is None else calibration_in(before)
+    terminal.print(_shown(left_out(known_lines, known), known_lines, "each left out of what was learnt"))
     if len(set(known_lines.worlds)) > 1:
-        elsewhere = of_other_worlds(known_lines, before)
+        elsewhere = of_other_worlds(known_lines, known)
         terminal.print(_shown(elsewhere, known_lines, "each by what was learnt in other worlds"))
     terminal.print(_resolution(known_lines))
     if table is not None:
-        made_of = learnt(known_lines, before=before)
+        made_of = learnt(known_lines, before=known)
         table.write_text(json.dumps(_told(made_of), indent=1) + "\n", encoding="utf-8")
 
 

@@ -76,6 +76,18 @@ def test_residuals_of_rods_are_means_over_beginnings_that_are_the_same_for_every
     np.testing.assert_allclose(found.r[0, 2 * MODES : 4 * MODES], expected, atol=1e-5)
 
 
+def test_residuals_of_rods_are_of_centrelines_and_slopes_what_they_shrink_by() -> None:
+    assert trials().rope is not None
+    assert prepare(CASE.record(), subject_of(load("rope_push@mpm"))).rope is None
+    nominal, other = KNOWN.nominal(SUBJECT), KNOWN.nominal(SUBJECT)
+    other[KNOWN.column("table_friction")] *= 1.3
+    base, moved = (predictor()(trials(), [theta]).after[0] for theta in (nominal, other))
+    for k in range(len(trials())):
+        found = trials().amplitudes(k, "after", base[k], (moved[k] - base[k])[None].astype(np.float64))[0]
+        gap = trials().gap(k, "after", base[k], moved[k])
+        assert np.linalg.norm(found - gap) < 3e-4 + 0.1 * np.linalg.norm(gap)
+
+
 @pytest.mark.parametrize("name", ["mass_slope", "rest_curvature"])
 def test_what_acts_along_a_rope_follows_its_material_whichever_end_is_called_the_first(name: str) -> None:
     """With labels from the other end, an odd effect of the opposite sign is the same effect."""

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Final, final
 
 import numpy as np
@@ -60,7 +61,12 @@ class Calibration:
 @cache
 def calibration() -> Calibration:
     """The table that comes with the program."""
-    known = json.loads(files("app.discovery.inference").joinpath(TABLE).read_text(encoding="utf-8"))
+    return calibration_in(files("app.discovery.inference").joinpath(TABLE))
+
+
+def calibration_in(file: Traversable) -> Calibration:
+    """The table of a file."""
+    known = json.loads(file.read_text(encoding="utf-8"))
     return Calibration(
         usual=np.array(known["usual"]),
         weights=np.array(known["weights"]),

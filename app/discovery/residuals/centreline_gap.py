@@ -12,38 +12,35 @@ from jaxtyping import Float32, Float64
 from app.core.types import Points
 from app.sim.rods.geometry.arc_length import centreline_weights
 from app.sim.rods.geometry.centreline import settle, trace
-from app.sim.rods.geometry.polyline import without_strain
+from app.sim.rods.geometry.polyline import places
 from app.sim.rods.geometry.rope_cloud import RopeShape
 
-_COARSE = 3
-"""Nodes over which a strain is averaged: between next ones, a line's noise would turn it into bends."""
+_ASTRAY = 0.15
+"""Share of a rope's length by which a particle's place may differ from its rank: beyond it is on another strand."""
 
 
 def centreline_gap(
-    predicted: Points, observed: Points, along: Float32[np.ndarray, " N"], rope: RopeShape
+    predicted: Points, observed: Float32[np.ndarray, "M 3"], along: Float32[np.ndarray, " N"], rope: RopeShape
 ) -> Float64[np.ndarray, "N 2"]:
     """Displacement [m] of each predicted particle that takes the predicted centreline to the observed one.
 
-    `along`: places of the particles along the rope, from 0 to 1. Where the observed cloud allows for several orders of
+    `along`: ranks of the particles along the rope, from 0 to 1. Where the observed cloud allows for several orders of
     its strands, that one counts which is nearer to the prediction.
     """
     line = _line_of(predicted, along, rope)
-    apart = trace(observed, rope).near(line) - line
-    return _at_particles(apart[None], along * (rope.count - 1))[0]
+    return _at_particles(trace(observed, rope).near(line) - line, predicted, along, line)
 
 
-def with_length_kept(
-    displaced: Float64[np.ndarray, "C N 2"], predicted: Points, along: Float32[np.ndarray, " N"], rope: RopeShape
-) -> Float64[np.ndarray, "C N 2"]:
-    """Displacements [m] as `centreline_gap` would find them: a line of known length shows no strain.
+def gap_of_displaced(
+    displaced: Float64[np.ndarray, "N 3"], predicted: Points, along: Float32[np.ndarray, " N"], rope: RopeShape
+) -> Float64[np.ndarray, "N 2"]:
+    """Displacement [m] that a cloud is found to have whose particles are `displaced` [m].
 
-    Cameras that err in scale, or lose the rope's outline, make it look shorter.
+    A line of known length shows no strain, which cameras make that err in scale or lose the rope's outline.
     """
-    weights = centreline_weights(along, max(rope.count // _COARSE, 2)).astype(np.float64)
-    line = _at_particles(_line_of(predicted, along, rope)[None], along * (rope.count - 1))[0]
-    averaged = weights @ displaced
-    change = without_strain(averaged, weights @ line) - averaged
-    return displaced + _at_particles(change, along * len(weights) - 0.5)
+    line = _line_of(predicted, along, rope)
+    moved = settle((predicted + displaced).astype(np.float32), line, rope)
+    return _at_particles(moved - line, predicted, along, line)
 
 
 def _line_of(predicted: Points, along: Float32[np.ndarray, " N"], rope: RopeShape) -> Float64[np.ndarray, "n 2"]:
@@ -52,16 +49,20 @@ def _line_of(predicted: Points, along: Float32[np.ndarray, " N"], rope: RopeShap
 
 
 def _at_particles(
-    values: Float64[np.ndarray, "C n 2"], place: Float32[np.ndarray, " N"]
-) -> Float64[np.ndarray, "C N 2"]:
-    """Values of nodes at these places, counted in nodes: linear between and beyond them."""
-    first = np.clip(np.floor(place), 0, values.shape[1] - 2).astype(int)
-    share = (place - first)[:, None]
-    return (1 - share) * values[:, first] + share * values[:, first + 1]
+    values: Float64[np.ndarray, "n 2"],
+    predicted: Points,
+    along: Float32[np.ndarray, " N"],
+    line: Float64[np.ndarray, "n 2"],
+) -> Float64[np.ndarray, "N 2"]:
+    """Values of the nodes of a line at its particles, by their places on it: ranks are no places in an uneven cloud."""
+    last = len(line) - 1
+    at, ranks = places(line[None], predicted[:, :2].astype(np.float64))[0][0], along * last
+    at = np.where(np.abs(at - ranks) < _ASTRAY * last, at, ranks)
+    return np.stack([np.interp(at, np.arange(len(line)), column) for column in values.T], axis=1)
 
 
 @lru_cache(maxsize=1)
 def _settled(points: bytes, along: bytes, rope: RopeShape) -> Float64[np.ndarray, "n 2"]:
-    """The same, as is asked of one prediction by residuals and slopes."""
-    x, places = np.frombuffer(points, np.float32).reshape(-1, 3), np.frombuffer(along, np.float32)
-    return settle(x, centreline_weights(places, rope.count) @ x[:, :2].astype(np.float64), rope)
+    """Nodes of the line through a prediction, for which residual and slopes of a view ask one after the other."""
+    x, ranks = np.frombuffer(points, np.float32).reshape(-1, 3), np.frombuffer(along, np.float32)
+    return settle(x, centreline_weights(ranks, rope.count) @ x[:, :2].astype(np.float64), rope)

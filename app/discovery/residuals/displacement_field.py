@@ -1,5 +1,6 @@
 """Displacement field of an object from its prediction to its observation: smooth modes along or over it.
 
+Of a rod the field is that of its centreline (`centreline_gap`); of what else there is, clouds are registered.
 Points have no names, so they cannot be subtracted; and matches to the nearest neighbour, frozen, lose most of an
 effect. The predicted cloud is moved instead, by a few smooth modes, until the kernel mean embeddings of both agree,
 phi_c(P) = mean_i exp(-|x_i - c|^2 / 2 h^2) on a lattice of centres c, h about the object's width (Smola et al. 2007, "A

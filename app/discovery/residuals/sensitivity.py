@@ -137,7 +137,14 @@ def residuals(
         disturbed = [_single(predictor(trials.with_noise(seed), [about])) for seed in range(replicas)]
     apart = [change.apart for change in changes]
     if trials.bowls is None:
-        clouds = _assemble(trials, base, displaced, apart, disturbed)
+        in_cameras = {
+            first + number
+            for effect, first in catalogue.apparatus
+            if effect.see is not None
+            for number in range(len(effect.parameters))
+        }
+        seen = [number for number, step in enumerate(steps) if step.column in in_cameras]
+        clouds = _assemble(trials, base, displaced, apart, disturbed, seen)
     else:
         clouds = assemble_contents(trials, trials.bowls, base, runs[0][1], apart, disturbed)
     direct = direct_rows(predictor, trials, about, changes)
@@ -315,8 +322,12 @@ def _assemble(
     changes: Sequence[PushParticles],
     apart: Sequence[float],
     replicas: Sequence[PushParticles],
+    seen: Sequence[int],
 ) -> Residuals:
-    """Amplitudes of the view during and after each push, in that order; 0 and masked for a missing view."""
+    """Amplitudes of the view during and after each push, in that order; 0 and masked for a missing view.
+
+    `seen`: changes of what cameras show alone.
+    """
     count, width = len(trials), trials.modes
     r, known = np.zeros((count, 2 * width)), np.zeros((count, 2 * width), bool)
     J, spread = np.zeros((count, 2 * width, len(changes))), np.zeros((count, 2 * width, len(replicas)))
@@ -330,12 +341,10 @@ def _assemble(
                 continue
             r[k, rows] = trials.gap(k, name, predicted, observed)
             if changes:
-                displaced = np.stack([getattr(each, name)[k] for each in changes])
-                J[k, rows] = (
-                    trials.amplitudes(k, name, predicted, np.nan_to_num(displaced.astype(np.float64))).T * scale
-                )
+                displaced = np.nan_to_num(np.stack([getattr(each, name)[k] for each in changes]).astype(np.float64))
+                J[k, rows] = trials.amplitudes(k, name, predicted, displaced, seen).T * scale
             if replicas:
-                moved_on = np.stack([getattr(seen, name)[k] - predicted for seen in replicas]).astype(np.float64)
+                moved_on = np.stack([getattr(each, name)[k] - predicted for each in replicas]).astype(np.float64)
                 ends_at = trials.amplitudes(k, name, predicted, np.nan_to_num(moved_on))
                 spread[k, rows] = ends_at.T / np.sqrt(len(replicas))
             known[k, rows] = True

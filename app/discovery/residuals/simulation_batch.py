@@ -15,7 +15,7 @@ from app.discovery.dataset.labels import label_of, label_particles, no_labels
 from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
 from app.discovery.dataset.study import ProjectionView, Push, Study
-from app.discovery.residuals.centreline_gap import centreline_gap, with_length_kept
+from app.discovery.residuals.centreline_gap import centreline_gap, gap_of_displaced
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis, register
 from app.discovery.residuals.poured_contents import CONTENTS, contents_m
@@ -112,12 +112,20 @@ class SimulationBatch:
         return basis.project(centreline_gap(predicted, observed, self._along(k), self.rope))
 
     def amplitudes(
-        self, k: int, view: View, predicted: Points, displaced: Float64[np.ndarray, "C N 3"]
+        self,
+        k: int,
+        view: View,
+        predicted: Points,
+        displaced: Float64[np.ndarray, "C N 3"],
+        seen: Sequence[int] = (),
     ) -> Float64[np.ndarray, "C R"]:
-        """Amplitudes [m] by which residuals of push `k` shrink if its prediction is displaced like this [m]."""
-        planar = displaced[..., : self.axes]
-        if self.rope is not None:
-            planar = with_length_kept(planar, predicted, self._along(k), self.rope)
+        """Amplitudes [m] by which residuals of push `k` shrink if its prediction is displaced like this [m].
+
+        `seen`: those displacements that cameras make which err. What is simulated keeps a rope's length by itself.
+        """
+        planar = displaced[..., : self.axes].copy()
+        for column in seen if self.rope is not None else ():
+            planar[column] = gap_of_displaced(displaced[column], predicted, self._along(k), self.rope)
         return self.basis(k, view, predicted).project(planar)
 
     def _along(self, k: int) -> Float32[np.ndarray, " N"]:

@@ -50,7 +50,7 @@ _FAR_OFF = 9.0
 _BLAS = ThreadpoolController()
 """NumPy's thread pool: its matrices here are so small that threads take ten times as long."""
 _KEPT = 4096
-"""Clouds whose centrelines are remembered, more than a large study has views: up to 100 MB."""
+"""Clouds whose centrelines are remembered, more than a large study has views: 60 MB, of folded ropes up to 280."""
 _PRIOR = 1.0, 4.0
 """Standard deviation of the prior centreline, in radii, and the most that it counts."""
 
@@ -122,6 +122,7 @@ def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     return Trace(lines=_orient(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
+@_BLAS.wrap(limits=1, user_api="blas")
 def settle(x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> Float64[np.ndarray, "n 2"]:
     """Centreline [m] through particles `x` that run in the order of `line`, found as `trace` finds it in the end."""
     cloud = weigh_points(x, rope)

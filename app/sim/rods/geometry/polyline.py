@@ -48,22 +48,6 @@ def of_equal_steps(lines: Float64[np.ndarray, "K n 2"], rest_m: float, rounds: i
     return lines
 
 
-def without_strain(
-    displaced: Float64[np.ndarray, "C n 2"], line: Float64[np.ndarray, "n 2"]
-) -> Float64[np.ndarray, "C n 2"]:
-    """The displacements nearest to these that keep the lengths of the line's segments, to first order."""
-    edges = np.diff(line, axis=0)
-    t = edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1e-9)
-    beside = -(t[1:] * t[:-1]).sum(1)
-    matrix = 2 * np.eye(len(t)) + np.diag(beside, 1) + np.diag(beside, -1)
-    strain = (np.diff(displaced, axis=1) * t).sum(2)
-    push = np.linalg.solve(matrix, strain.T).T[..., None] * t
-    kept = displaced.copy()
-    kept[:, :-1] += push
-    kept[:, 1:] -= push
-    return kept
-
-
 def distance(one: Float64[np.ndarray, "n 2"], other: Float64[np.ndarray, "n 2"]) -> float:
     """Mean distance of nodes [m], either end first."""
     return float(min(np.linalg.norm(one - each, axis=1).mean() for each in (other, other[::-1])))
