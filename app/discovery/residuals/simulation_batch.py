@@ -124,8 +124,9 @@ class SimulationBatch:
         `seen`: those displacements that cameras make which err. What is simulated keeps a rope's length by itself.
         """
         planar = displaced[..., : self.axes].copy()
-        for column in seen if self.rope is not None else ():
-            planar[column] = gap_of_displaced(displaced[column], predicted, self._along(k), self.rope)
+        if self.rope is not None:
+            for column in seen:
+                planar[column] = gap_of_displaced(displaced[column], predicted, self._along(k), self.rope)
         return self.basis(k, view, predicted).project(planar)
 
     def _along(self, k: int) -> Float32[np.ndarray, " N"]:
