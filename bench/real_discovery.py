@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
 from app.core.types import Points
-from app.discovery.dataset.model_under_test import Subject, Theta
+from app.discovery.dataset.model_under_test import Subject
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import NAMED, is_sized
 from app.discovery.inference.held_out import held_out_gain
@@ -73,12 +73,6 @@ class Investigated:
     ranking: tuple[CauseResult, ...]
 
     @property
-    def extended(self) -> Theta:
-        """The model with the likeliest cause, accepted or not."""
-        decision = self.found.decision
-        return (decision.accepted or decision.singles[0]).estimate
-
-    @property
     def said(self) -> str:
         """The verdict, and why none is named where none is."""
         if self.conclusion.verdict != "none":
@@ -122,17 +116,19 @@ def investigated(study: Study, subject: Subject) -> Investigated:
     )
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def left_out(study: Study, subject: Subject) -> list[Errors]:
     """Each push by models of which nothing was chosen by it."""
     found = list[Errors]()
     for k, push in enumerate(study.pushes):
         rest = replace(study, pushes=tuple(other for other in study.pushes if other is not push))
-        known = investigated(rest, subject)
-        predictor = known.found.predictor
-        models = [predictor.catalogue.nominal(subject), known.found.about, known.extended]
+        found_in_rest = judge(rest, subject, Stages(lambda _: None))
+        predictor, decision = found_in_rest.predictor, found_in_rest.decision
+        extended = (decision.accepted or decision.singles[0]).estimate  # By the likeliest cause, accepted or not.
+        models = [predictor.catalogue.nominal(subject), found_in_rest.about, extended]
         own = prepare(replace(study, pushes=(push,)), subject)
         ends = [*predictor(own, models).after[:, 0], push.before.points]
-        cause = known.found.decision.singles[0].causes[0]
+        cause = decision.singles[0].causes[0]
         displacement, chamfer = np.array([_errors(own, end) for end in ends]).T
         found.append(Errors(displacement, chamfer, cause))
         print(f"push {k + 1}: {cause}, {np.round(found[-1].chamfer, 1).tolist()}", flush=True)

@@ -5,7 +5,7 @@ derivatives, because friction of the finger, viscosity and what has a threshold 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
@@ -19,6 +19,7 @@ from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch, View
+from app.discovery.sensor_actuator_errors.base import Apparatus
 from app.sim.model.numerics import NUMERICS
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
@@ -137,12 +138,7 @@ def residuals(
         disturbed = [_single(predictor(trials.with_noise(seed), [about])) for seed in range(replicas)]
     apart = [change.apart for change in changes]
     if trials.bowls is None:
-        in_cameras = {
-            first + number
-            for effect, first in catalogue.apparatus
-            if effect.see is not None
-            for number in range(len(effect.parameters))
-        }
+        in_cameras = _columns_of(catalogue, lambda effect: effect.see is not None)
         seen = [number for number, step in enumerate(steps) if step.column in in_cameras]
         clouds = _assemble(trials, base, displaced, apart, disturbed, seen)
     else:
@@ -192,7 +188,7 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     usual = change_of(catalogue, about, step)
     at_null = about[step.column] == catalogue.specs[step.column].nominal
     if (
-        step.column not in _encoder_columns(catalogue)
+        step.column not in _columns_of(catalogue, lambda effect: effect.told)  # The arm itself measures these.
         or not at_null
         or any(push.measured is None for push in trials.study.pushes)
     ):
@@ -207,12 +203,12 @@ def secant_of(predictor: Predictor, trials: SimulationBatch, about: Theta, step:
     return Change(end, here, far) if far > 0 else Change(here, end, -far)
 
 
-def _encoder_columns(catalogue: Catalogue) -> frozenset[int]:
-    """Columns of errors that the arm itself measures."""
+def _columns_of(catalogue: Catalogue, chosen: Callable[[Apparatus], bool]) -> frozenset[int]:
+    """Columns of those errors of cameras and arm that are chosen."""
     return frozenset(
         first + number
         for effect, first in catalogue.apparatus
-        if effect.told
+        if chosen(effect)
         for number in range(len(effect.parameters))
     )
 
