@@ -6,7 +6,6 @@ for half a second, and then waits for what flows. So an episode has about ten de
 
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
 from app.tasks.elements.base import Preset, Task
+from app.tasks.elements.filling import Filled, FillingProblems, MarkedBowl, ToMark
 from app.tasks.elements.pouring import PouringProblems, pouring_scene
 from app.tasks.elements.success import InBowl
 from app.tasks.elements.swimming import SoupProblems
@@ -34,7 +34,9 @@ TARGET = Bowl(radius_m=0.060, thickness_m=0.004, place_m=(0.55, 0.0, 0.065))
 PARTICLES = 300
 HOME_M = (0.34, 0.0, 0.25)
 FAR_M, FILLED = 0.60, 0.90
-"""Hard problems: the x of the other bowl, and the share of it that the liquid fills."""
+"""Hard problems: the x of the other bowl, and the share of it that all of the liquid would fill."""
+MARKS, WITHIN, SURELY = (0.35, 0.80), 0.06, 0.04
+"""Hard problems: the share of it that shall be poured, how near to that counts, and what has to be seen."""
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
 LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 
@@ -52,29 +54,32 @@ def _with_liquid(liquid: Body) -> Task:
 
 
 def _hard(task: Task) -> Task:
-    """The task, of water or of soup, with a narrower bowl that stands farther away, and is filled nearly to its rim."""
+    """The task, of water or of soup, with a narrower bowl farther away, which shall be filled to a mark and no more."""
     body, problems, policy = task.stage.body, task.problems, task.policy
     assert isinstance(body, Liquid | Soup)
     assert isinstance(problems, PouringProblems | SoupProblems)
     assert isinstance(task.actions, Pours)
     assert isinstance(policy, ScriptedPour)
-    assert isinstance(task.success, InBowl)
-    assert isinstance(task.stop_when, InBowl)
     radius_m = round(float(np.cbrt(3 * body.volume_m3 / (2 * np.pi * FILLED))), 4)
     narrow = Bowl(radius_m=radius_m, thickness_m=TARGET.thickness_m, place_m=(FAR_M, 0.0, radius_m + 0.005))
+    bowl = MarkedBowl(place_m=narrow.place_m, radius_m=narrow.radius_m + narrow.thickness_m)
     x, y, _ = task.actions.low
     lowest_m = LOWEST_M + narrow.place_m[2] - TARGET.place_m[2]
-    place: dict[str, Any] = {"place_m": narrow.place_m, "radius_m": radius_m}
+    rest_m = (FAR_M - policy.short_m - policy.radius_m, 0.0, lowest_m)
+    apart_m = float(np.linalg.norm(np.subtract(rest_m, narrow.place_m)))
     return replace(
         task,
         stage=replace(task.stage, fixtures=(narrow,)),
-        perception=replace(task.perception, standing=(Vessel(**place),)),
+        perception=replace(task.perception, standing=(Vessel(radius_m=radius_m, place_m=narrow.place_m),)),
         scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
         actions=replace(task.actions, low=(x, y, lowest_m)),
         policy=replace(policy, height_m=lowest_m),
-        problems=replace(problems, target=narrow),
-        success=replace(task.success, **place),
-        stop_when=replace(task.stop_when, **place),
+        weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m)),
+        problems=FillingProblems(
+            whole=problems, volume_m3=body.volume_m3, held=HELD, target=narrow, marks=MARKS, rest_m=rest_m
+        ),
+        success=Filled(bowl=bowl, within=WITHIN),
+        stop_when=Filled(bowl=bowl, within=SURELY),
     )
 
 

@@ -48,20 +48,24 @@ class PouringProblems:
     def start(self, seed: int) -> Nodes:
         """The liquid in the held bowl."""
         middle = np.asarray(self.home_m) + aside_m(seed)
-        return self._liquid_points(middle, self.held.radius_m, self.liquid.drops).astype(np.float64)
+        volume_m3 = self.liquid.volume_m3
+        return pool(middle, self.held.radius_m, volume_m3=volume_m3, count=self.liquid.drops).astype(np.float64)
 
     def goal(self, seed: int, particle_count: int) -> Points:
         """The liquid at rest in the other bowl."""
         del seed
-        return self._liquid_points(np.asarray(self.target.place_m), self.target.radius_m, particle_count)
+        middle, volume_m3 = np.asarray(self.target.place_m), self.liquid.volume_m3
+        return pool(middle, self.target.radius_m, volume_m3=volume_m3, count=particle_count)
 
     def particles(self, nodes: Nodes, particle_count: int) -> Points:
         """Particles that share the world's volume."""
         return resample(nodes.astype(np.float32), particle_count, seed=0)
 
-    def _liquid_points(self, middle: Float64[np.ndarray, "3"], radius_m: float, count: int) -> Points:
-        cloud = pool_points(radius_m, self.liquid.volume_m3, _POINTS_A_PARTICLE * count)
-        return resample((cloud + middle).astype(np.float32), count, seed=0)
+
+def pool(middle: Float64[np.ndarray, "3"], radius_m: float, *, volume_m3: float, count: int) -> Points:
+    """`count` particles [m] that share this volume of a liquid at rest in an upright bowl about `middle` [m]."""
+    cloud = pool_points(radius_m, volume_m3, _POINTS_A_PARTICLE * count)
+    return resample((cloud + middle).astype(np.float32), count, seed=0)
 
 
 def pool_points(radius_m: float, volume_m3: float, count: int) -> Cloud:

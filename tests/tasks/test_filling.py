@@ -1,0 +1,87 @@
+"""Filling a bowl to a mark: goals are of two pools, and what is in the wrong bowl costs its way to the other."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.types import Points
+from app.tasks import Task, load
+from app.tasks.elements.filling import Filled, FillingProblems, ToMark
+from app.tasks.elements.pouring import pool
+
+COUNT = 300
+filling = pytest.mark.parametrize("task", [load("pour_water-hard"), load("pour_soup-hard")], ids=lambda task: task.name)
+
+
+def parts(task: Task) -> tuple[FillingProblems, Filled, ToMark]:
+    assert isinstance(task.problems, FillingProblems)
+    assert isinstance(task.success, Filled)
+    assert isinstance(task.weights.distance, ToMark)
+    return task.problems, task.success, task.weights.distance
+
+
+def poured(problems: FillingProblems, share: float) -> Points:
+    """The liquid at rest in the two bowls, this share of it in the target."""
+    count = round(share * COUNT)
+    spots = ((problems.target, problems.target.place_m, count), (problems.held, problems.rest_m, COUNT - count))
+    pools = [
+        pool(np.asarray(middle), bowl.radius_m, volume_m3=n / COUNT * problems.volume_m3, count=n)
+        for bowl, middle, n in spots
+    ]
+    return np.concatenate(pools)
+
+
+@filling
+def test_goals_hold_all_the_liquid_in_two_bowls_by_seed(task: Task) -> None:
+    problems, success, _ = parts(task)
+    shares = [success.bowl.share(task.goal(seed, COUNT)) for seed in range(12)]
+    low, high = problems.marks
+    assert all(low - 1 / COUNT <= share <= high + 1 / COUNT for share in shares)
+    assert len(set(shares)) > 6
+    assert task.goal(0, COUNT).shape == (COUNT, 3)
+
+
+@filling
+def test_too_much_is_as_wrong_as_too_little(task: Task) -> None:
+    problems, success, _ = parts(task)
+    goal = task.goal(0, COUNT)
+    wanted, off = success.bowl.share(goal), success.within
+    for share, right in ((wanted - off - 0.02, False), (wanted - off + 0.02, True), (wanted + off - 0.02, True)):
+        assert success.is_reached(poured(problems, share), goal) is right
+    too_much = poured(problems, wanted + 2 * off)
+    assert not success.is_reached(too_much, goal)
+    assert success.share(too_much, goal) == pytest.approx(1 - 2 * off / wanted, abs=2 / COUNT / wanted)
+    assert success.share(task.particles(task.start(0), COUNT), goal) == 0.0
+
+
+@filling
+def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> None:
+    problems, success, distance = parts(task)
+    goal = task.goal(0, COUNT)
+    wanted = success.bowl.share(goal)
+    at = [wanted - 0.2, wanted - 0.1, wanted, wanted + 0.1]
+    x = jnp.asarray(np.stack([poured(problems, share) for share in at]))
+    cost_m2, chamfer = np.asarray(distance(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
+    # Soft borders count what is near the wall and the rim as partly outside.
+    np.testing.assert_allclose((cost_m2 - chamfer) / distance.apart_m**2, [0.2, 0.1, 0.0, 0.1], rtol=0.3, atol=0.002)
+    assert cost_m2.argmin() == 2
+    assert (chamfer[[1, 3]] < 0.1 * distance.apart_m**2).all()
+
+
+@filling
+def test_its_slopes_are_those_of_differences(task: Task) -> None:
+    problems, success, distance = parts(task)
+    goal = jnp.asarray(task.goal(0, COUNT))
+    x = jnp.asarray(poured(problems, success.bowl.share(np.asarray(goal)) + 0.15))
+    up = jnp.zeros_like(x).at[:, 2].set(jnp.where(x[:, 0] > problems.target.place_m[0] - 0.04, 1.0, 0.0))
+
+    def raised(height_m: jnp.ndarray) -> jnp.ndarray:
+        return distance((x + height_m * up)[None], goal)[0]
+
+    slope, step = float(jax.grad(raised)(jnp.float32(0.0))), 5e-4
+    between = float(raised(jnp.float32(step)) - raised(jnp.float32(-step)))
+    assert slope == pytest.approx(between / (2 * step), rel=0.05)
+    amounts = [float(distance.bowl.soft_share((x + height * up)[None])[0]) for height in (0.0, 0.02)]
+    assert amounts[1] < amounts[0]
