@@ -9,12 +9,13 @@ reconstruction is told. Where there is more, or less, each true particle is an e
 (docs/decisions/0032-more-than-was-said.md).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import TypeAlias, final
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float32, Float64
 
 from app.config import Site
 from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, cap_volume_m3
@@ -22,7 +23,7 @@ from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Path3, Points, ToolPose
-from app.discovery.dataset.labels import label_particles
+from app.discovery.dataset.labels import middles_of, places_along
 from app.discovery.dataset.model_under_test import Theta
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.tool_load import dragging
@@ -36,6 +37,7 @@ from app.planner.search.request import PlanRequest
 from app.tasks import load
 
 _Turns: TypeAlias = Float64[np.ndarray, "T 4"]
+_Along: TypeAlias = Callable[[], Float32[np.ndarray, " N"]]
 
 _PAUSE_S = 1e4
 """Time between two positions of a path, so slow that no delay or lag shows."""
@@ -65,8 +67,10 @@ class Correction:
         centreline after it, and the one it is `near`, are in the true frame.
         """
         command = partial(self.command, site=request.site)
-        found = planner(replace(self.true_request(request), command=command))
-        branches = tuple(self._observed_branch(branch) for branch in found.branches)
+        true = self.true_request(request)
+        found = planner(replace(true, command=command))
+        along = cache(lambda: self._along(true.observed))
+        branches = tuple(self._observed_branch(branch, along) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
     def true_request(self, request: PlanRequest) -> PlanRequest:
@@ -95,9 +99,10 @@ class Correction:
         true = self.true_tool(tool)[:3]
         return self._true_content(bowls.carry(points, tool[:3], true), true)
 
-    def observe(self, points: Points) -> Points:
+    def observe(self, points: Points, along: _Along | None = None) -> Points:
         """Observed position of the object that truly is here [m]; non-finite as the input is.
 
+        `along`: how far along it its particles are, if that was found where it lay before.
         Of a liquid as much is shown in the bowl that stands as cameras will see there. Where all of it stands and there
         is less than was said, all is shown, though a reconstruction has what it misses in the held bowl.
         """
@@ -105,7 +110,7 @@ class Correction:
         if not np.isfinite(points).all():
             return points
         if bowls is None:
-            return self.predictor.observe(points, self._eye(points), self.theta)
+            return self.predictor.observe(points, self._eye(points, along), self.theta)
         drops, ratio = self._drops(len(points))
         inside = bowls.inside(points)
         return _with_count(points, inside, round(ratio * int(inside[:drops].sum())), drops)
@@ -182,15 +187,18 @@ class Correction:
         true[:drops] = np.concatenate([standing, _pool(bowls.held_radius_m, held_m3, drops - stand, tool_m)])
         return true
 
-    def _observed_branch(self, branch: Branch) -> Branch:
-        frames = np.stack([self.observe(each) for each in branch.frames]) if len(branch.frames) else branch.frames
-        return replace(
-            branch, predicted=self.observe(branch.predicted), final=self.observe(branch.final), frames=frames
-        )
+    def _observed_branch(self, branch: Branch, along: _Along) -> Branch:
+        predicted, final, *frames = (self.observe(x, along) for x in (branch.predicted, branch.final, *branch.frames))
+        return replace(branch, predicted=predicted, final=final, frames=np.stack(frames) if frames else branch.frames)
 
-    def _eye(self, points: Points) -> Eye:
-        subject = self.predictor.subject
-        return Eye(self.camera_m, label_particles([points], subject.rods, subject.kind)[1][0].astype(np.float64))
+    def _eye(self, points: Points, along: _Along | None = None) -> Eye:
+        if not self.predictor.subject.kind.has_length:
+            return Eye(self.camera_m, points.astype(np.float64))
+        places = along or partial(self._along, points)
+        return Eye(self.camera_m, cache(lambda: middles_of(places(), points).astype(np.float64)))
+
+    def _along(self, points: Points) -> Float32[np.ndarray, " N"]:
+        return places_along(points, self.predictor.subject.rods)
 
     def _drag_load(self, motion: Motion, before: Points, after: Points) -> Load:
         lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)

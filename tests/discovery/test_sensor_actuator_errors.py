@@ -15,7 +15,7 @@ from app.sim.model.params import PARAMETERS
 CATALOGUE = {name: module.EFFECT for name, module in files_of(sensor_actuator_errors)}
 MODULES = dict(files_of(sensor_actuator_errors))
 every_effect = pytest.mark.parametrize("name", CATALOGUE)
-EYE = Eye(position=np.array([0.5, -0.2, 0.9]), middle=None)
+EYE = Eye(position=np.array([0.5, -0.2, 0.9]), nearest=None)
 
 
 def track() -> Track:

@@ -30,7 +30,7 @@ def label_particles(
     labels, middles = list[np.ndarray](), list[np.ndarray]()
     last: np.ndarray | None = None
     for cloud in clouds:
-        along = arclength_labels(cloud) if rods is None else _along_rod(cloud, rods)
+        along = places_along(cloud, rods)
         nodes = _nodes(along, cloud)
         if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
             along, nodes = 1 - along, nodes[::-1]
@@ -58,8 +58,10 @@ def middles_of(along: Float32[np.ndarray, " N"], cloud: Points) -> Float64[np.nd
     return _between(_nodes(along, cloud), along)
 
 
-def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
-    """Normalised arc length in 0..1 of the points of a rope."""
+def places_along(cloud: Points, rods: RodModel | None = None) -> Float32[np.ndarray, " N"]:
+    """Normalised arc length in 0..1 of the points of a rope, by its rod where it has one."""
+    if rods is None:
+        return arclength_labels(cloud)
     return labels_by_rank(RodStart.of(rods.scene).places(cloud[None].astype(np.float32))[0, 0])
 
 

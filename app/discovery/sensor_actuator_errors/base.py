@@ -22,13 +22,18 @@ Places: TypeAlias = Float64[np.ndarray, "M 3"]
 
 
 class Eye(NamedTuple):
-    """Position of the cameras [m], and for each point the nearest one of the object's middle line [m].
+    """Position of the cameras [m], and for each point the nearest one of the object's middle line [m], if known.
 
-    `middle` is None if it is unknown.
+    To find these takes tens of milliseconds, so they may be a function, which is called where an effect asks.
     """
 
     position: Float64[np.ndarray, "3"]
-    middle: Places | None
+    nearest: Places | Callable[[], Places] | None
+
+    @property
+    def middle(self) -> Places | None:
+        """The nearest points; None if unknown."""
+        return self.nearest() if callable(self.nearest) else self.nearest
 
 
 class Load(NamedTuple):
