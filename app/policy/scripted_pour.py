@@ -9,12 +9,17 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
 from app.policy.base import ActionDistribution, PlanningState
+from app.policy.marked_bowl import MarkedBowl
+
+_BRIMFUL = 2.0
+"""A share of the liquid that no bowl ever holds."""
 
 
 class Aimed(NamedTuple):
-    """Middle of the goal on the table [m], prepared once per observation."""
+    """Middle of what is to be filled, on the table [m], and the share of the liquid that it shall hold."""
 
     middle: Float32[np.ndarray, "2"]
+    wanted: Float32[np.ndarray, ""]
 
 
 @final
@@ -25,6 +30,7 @@ class ScriptedPour:
     The bowl, whose inner radius is `radius_m`, pours along `toward` (unit, x and y), its centre `height_m` over the
     table. Until the lip is within `near_m` of where it shall be, it is tilted by no more than `carried_rad`, at which
     nothing is spilled; at `full_rad` it is empty. A shift is at most `max_shift_m`. Actions are those of `Pours`.
+    Where the other bowl has a `mark`, it tilts back as soon as that holds as much as in the goal.
     """
 
     radius_m: float
@@ -36,11 +42,15 @@ class ScriptedPour:
     step_rad: float = 0.25
     full_rad: float = 1.75
     max_shift_m: float = 0.10
+    mark: MarkedBowl | None = None
 
     def prepare(self, observed: Points, goal: Points) -> Aimed:
-        """The goal's middle."""
+        """The marked bowl's middle, or the goal's."""
         del observed
-        return Aimed(goal[:, :2].mean(axis=0).astype(np.float32))
+        if self.mark is None:
+            return Aimed(goal[:, :2].mean(axis=0).astype(np.float32), np.array(_BRIMFUL, np.float32))
+        wanted = self.mark.soft_share(jnp.asarray(goal))
+        return Aimed(np.asarray(self.mark.place_m[:2], np.float32), np.asarray(wanted, np.float32))
 
     def act(self, prepared: Aimed, now: PlanningState) -> ActionDistribution:
         """The next shift and turn, for each candidate."""
@@ -50,6 +60,9 @@ class ScriptedPour:
         away = ((aim - now.tool[:, :2]) * along).sum(-1) - self.radius_m * jnp.cos(tilted)
         most = jnp.where(jnp.abs(away) < self.near_m, self.full_rad, jnp.maximum(tilted, self.carried_rad))
         wanted = jnp.minimum(tilted + self.step_rad, most)
+        if self.mark is not None:
+            filled = self.mark.soft_share(now.x) >= prepared.wanted
+            wanted = jnp.where(filled, jnp.maximum(tilted - self.step_rad, 0.0), wanted)
         middle = aim - self.radius_m * jnp.cos(wanted)[:, None] * along
         height = jnp.full((len(wanted), 1), self.height_m)
         shift = jnp.concatenate([middle, height], axis=1) - now.tool[:, :3]

@@ -16,14 +16,16 @@ from app.core.geometry.shapes.tools import HeldBowl
 from app.perception.body.vessels import Vessel
 from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
+from app.planner.actions.mark_cost import ToMark
 from app.planner.actions.pour_actions import Pours
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import OptimizerConfig
+from app.policy.marked_bowl import MarkedBowl
 from app.policy.orthographic_views import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
 from app.tasks.elements.base import Preset, Task
-from app.tasks.elements.filling import Filled, FillingProblems, MarkedBowl, ToMark
+from app.tasks.elements.filling import Filled, FillingProblems
 from app.tasks.elements.pouring import PouringProblems, pouring_scene
 from app.tasks.elements.success import InBowl
 from app.tasks.elements.swimming import SoupProblems
@@ -73,7 +75,7 @@ def _hard(task: Task) -> Task:
         perception=replace(task.perception, standing=(Vessel(radius_m=radius_m, place_m=narrow.place_m),)),
         scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
         actions=replace(task.actions, low=(x, y, lowest_m)),
-        policy=replace(policy, height_m=lowest_m),
+        policy=replace(policy, height_m=lowest_m, mark=bowl),
         weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m)),
         problems=FillingProblems(
             whole=problems, volume_m3=body.volume_m3, held=HELD, target=narrow, marks=MARKS, rest_m=rest_m

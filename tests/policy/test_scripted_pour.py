@@ -55,3 +55,22 @@ def test_the_target_decides_where_it_goes() -> None:
     now = PlanningState.at_rest(jnp.zeros((1, 1, 3)), pointing_down(np.array([0.4, 0.0, 0.2])))
     left, right = (other.act(other.prepare(GOAL, GOAL + np.float32([0, y, 0])), now).mean[0, 1] for y in (0.05, -0.05))
     assert float(left) > 0 > float(right)
+
+
+def test_a_bowl_with_a_mark_is_poured_into_until_it_holds_as_much_as_in_the_goal() -> None:
+    task = load("pour_water-hard")
+    policy, goal = task.policy, task.goal(0, 300)
+    assert isinstance(policy, ScriptedPour)
+    assert policy.mark is not None
+    prepared = policy.prepare(goal, goal)
+    np.testing.assert_allclose(prepared.middle, policy.mark.place_m[:2])
+    leaning = pointing_down(np.array(task.problems.rest_m))
+    leaning[3:7] = [0.0, np.cos(0.4), 0.0, -np.sin(0.4)]
+    tilts = list[float]()
+    for x in (task.particles(task.start(0), 300), goal):
+        now = PlanningState.at_rest(jnp.asarray(x)[None], leaning)
+        action = task.actions.project(policy.act(prepared, now).mean, now)
+        tilts.append(float(tilt(task.actions.after(action, now.tool)[:, 3:7])[0]))
+    before = float(tilt(jnp.asarray(leaning[3:7])))
+    assert tilts[0] > before + 0.1
+    assert tilts[1] < before - 0.1

@@ -7,8 +7,9 @@ import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
+from app.planner.actions.mark_cost import ToMark
 from app.tasks import Task, load
-from app.tasks.elements.filling import Filled, FillingProblems, ToMark
+from app.tasks.elements.filling import Filled, FillingProblems
 from app.tasks.elements.pouring import pool
 
 COUNT = 300

@@ -3,46 +3,14 @@
 from dataclasses import dataclass
 from typing import final
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.shapes.fixtures import Bowl
 from app.core.geometry.shapes.tools import HeldBowl
 from app.core.types import Points
+from app.policy.marked_bowl import MarkedBowl
 from app.tasks.elements.base import Nodes, ProblemSampler
 from app.tasks.elements.pouring import pool
-
-_BORDER_M = 0.004
-"""Scale [m] of the border of a bowl at which a particle counts as half inside, so that amounts have slopes."""
-_SMOOTH = 1e-3
-"""Difference of shares below which its absolute value is rounded off: a third of one particle of 300."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class MarkedBowl:
-    """A bowl that shall be filled to a mark: the part of space in it, below its rim.
-
-    The ball `radius_m` about `place_m` [m], below its middle. Its wall may be counted in, so that noise does not take
-    liquid out of it.
-    """
-
-    place_m: tuple[float, float, float]
-    radius_m: float
-
-    def share(self, x: Points) -> float:
-        """Share of the particles `x` (N, 3) [m] in it."""
-        away = x - np.asarray(self.place_m, np.float32)
-        return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))
-
-    def soft_share(self, x: Float[Array, "*batch N 3"]) -> Float[Array, "*batch"]:
-        """The same with soft borders, which has slopes."""
-        away = x - jnp.asarray(self.place_m, jnp.float32)
-        deep = self.radius_m - jnp.sqrt((away**2).sum(-1) + _BORDER_M**2)
-        return (jax.nn.sigmoid(deep / _BORDER_M) * jax.nn.sigmoid(-away[..., 2] / _BORDER_M)).mean(-1)
 
 
 @final
@@ -61,24 +29,6 @@ class Filled:
         """Share of the wanted amount that is there; what is too much counts like what is missing."""
         wanted = self.bowl.share(goal)
         return max(0.0, 1.0 - abs(self.bowl.share(x) - wanted) / wanted)
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class ToMark:
-    """The Chamfer distance, and the way of what is in the wrong bowl: its share times `apart_m` squared.
-
-    That of clouds alone hardly tells amounts: a bowl that is a tenth too full has a level that is a few millimetres
-    too high. The second part is the squared Wasserstein distance of two heaps `apart_m` [m] from each other.
-    """
-
-    bowl: MarkedBowl
-    apart_m: float
-
-    def __call__(self, x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
-        """Distance [m^2] of each candidate."""
-        wrong = self.bowl.soft_share(x) - self.bowl.soft_share(goal)
-        return chamfer_m2(x, goal[None]) + self.apart_m**2 * jnp.sqrt(wrong**2 + _SMOOTH**2)
 
 
 @final
