@@ -11,6 +11,8 @@ from app.core.geometry.bowls import cap_depth_m, centre_of_bowl
 from app.core.messages import Branch, Executed, Extension, Model, Parameter, Transition, fresh_id
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points, ToolPose
+from app.discovery.dataset.labels import places_along
+from app.discovery.dataset.model_under_test import RodModel
 from app.discovery.sensor_actuator_errors.base import Load
 from app.jobs.apparatus_compensation import Correction, correction
 from app.jobs.discovery_subject import subject_of
@@ -296,3 +298,40 @@ def idle_branch(x: Points) -> Branch:
         terms={},
         finite=True,
     )
+
+
+@pytest.mark.parametrize(("name", "searches"), [("tcp_y", 0), ("hand_eye_x", 0), ("mask_erosion", 1)])
+def test_where_along_the_rope_its_particles_are_is_found_once_a_plan_and_where_cameras_show_it_alone(
+    monkeypatch: pytest.MonkeyPatch, name: str, searches: int
+) -> None:
+    error, asked = correction(model(**{name: 0.001})), list[Points]()
+
+    def counted(points: Points, rods: RodModel | None = None) -> np.ndarray:
+        asked.append(points)
+        return places_along(points, rods)
+
+    def planner(request: PlanRequest) -> Plan:
+        """Three branches in which the rope moves on."""
+        frames = np.stack([request.observed + np.float32([0.004 * k, 0, 0]) for k in range(5)])
+        branches = (replace(idle_branch(frames[-1]), frames=frames, tools=np.zeros((5, 3), np.float32)),) * 3
+        return Plan(
+            branches=branches,
+            best=0,
+            motion=curved(),
+            predicted=frames[-1],
+            centreline=np.zeros((2, 0), np.float32),
+            chamfer_m2=0.0,
+            predicted_chamfer_m2=0.0,
+        )
+
+    seen = rope()
+    request = PlanRequest(observed=seen, goal=rope(0.04), phi=np.zeros(1, np.float32))
+    monkeypatch.setattr("app.jobs.apparatus_compensation.places_along", counted)
+    plan = error.plan(planner, request)
+    during = len(asked) - (name == "mask_erosion")  # Once where the rope that cameras show truly is.
+    assert during == searches
+    for branch in plan.branches:
+        for k, frame in enumerate(branch.frames):
+            off = np.abs(frame - seen - np.float32([0.004 * k, 0, 0]))
+            assert float(off.mean()) < 1e-4
+            assert float(off.max()) < 8e-4
