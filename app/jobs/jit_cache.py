@@ -212,6 +212,8 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> TreeCo
         begin=data.initial_state,
         branches=size.branches,
         depth=size.depth,
+        descended=size.descended,
+        redraws=size.redraws,
         part=moving(task, size.particle_count, *needed),
         at_rest=data.at_rest,
     )

@@ -114,7 +114,7 @@ TASK = Task(
     time_scale=7.0,
     presets=MappingProxyType(
         {
-            "cpu": Preset(branches=16, depth=1, particle_count=300, gradient_steps=5),
+            "cpu": Preset(branches=48, depth=1, particle_count=300, gradient_steps=6, descended=2, redraws=(8.0, 3.0)),
             "gpu": Preset(branches=150, depth=1, particle_count=300, gradient_steps=10),
         }
     ),

@@ -50,7 +50,13 @@ def simulated(planner: Planner) -> int:
 def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_times(task: str, baseline: str) -> None:
     for name in ("cpu", "gpu"):
         preset = load(task).preset(name)
-        sized = replace(search(), branches=preset.branches, depth=preset.depth)
+        sized = replace(
+            search(),
+            branches=preset.branches,
+            depth=preset.depth,
+            descended=preset.descended,
+            redraws=preset.redraws,
+        )
         baseline_planner = make_planner(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
         tree = tree_rollouts(sized, preset.gradient_steps)
         assert tree <= simulated(baseline_planner) <= 3 * tree  # A population has a least size, however small the tree.

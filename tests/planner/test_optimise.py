@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from app.planner.search.cost import Terms
-from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend, descend_from_cheapest
+from app.planner.search.optimise import (
+    OptimizedRollouts,
+    OptimizerConfig,
+    Redraws,
+    descend,
+    descend_from_cheapest,
+    redraw,
+)
 from app.planner.search.tree import Rollout
 
 DESCENT = OptimizerConfig(learning_rate=1.0, clip=1.0, shrink=0.5)
@@ -137,3 +144,46 @@ def test_from_all_of_them_or_without_steps_it_is_descent_itself(count: int, step
     found, expected = from_cheapest(bowl, start, count, steps), run(bowl, start, steps)
     for mine, its in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(mine, its)
+
+
+def redrawn(evaluate, start: jnp.ndarray, spreads: tuple[float, ...], kept: list[int]) -> Rollout:
+    mask = np.isin(np.arange(len(start)), kept)
+    by = Redraws(spreads, mask, jax.random.key(0))
+    return jax.jit(lambda start: redraw(evaluate, evaluate(start), by, scale=SCALE))(start)
+
+
+def ripples(actions: jnp.ndarray) -> Rollout:
+    """A bowl with so many hollows that slopes lead nowhere."""
+    return rollout(actions, bowl(actions).cost + (1 - jnp.cos(40 * actions)).sum((1, 2)))
+
+
+@pytest.mark.parametrize("evaluate", [bowl, ripples])
+def test_what_is_drawn_anew_costs_less_rank_by_rank_and_what_is_kept_stays(evaluate) -> None:
+    start = jnp.asarray(np.random.default_rng(3).normal(size=(32, 1, 3)), jnp.float32)
+    before, found = evaluate(start), redrawn(evaluate, start, (4.0, 2.0), [0, 31])
+    np.testing.assert_array_equal(found.actions[jnp.array([0, 31])], start[jnp.array([0, 31])])
+    assert (np.sort(found.cost[1:31]) <= np.sort(before.cost[1:31]) + 1e-6).all()
+    assert found.cost.min() < 0.7 * before.cost.min()
+    np.testing.assert_allclose(evaluate(found.actions).cost, found.cost, rtol=1e-5)
+
+
+def test_nothing_is_drawn_about_what_may_not_be_made() -> None:
+    def walled(actions: jnp.ndarray) -> Rollout:
+        x = actions[:, 0, 0]
+        return rollout(actions, jnp.where(x > 0.5, jnp.nan, bowl(actions).cost), allowed=x < 0.3)
+
+    start = jnp.asarray(np.random.default_rng(4).normal(size=(32, 1, 3)), jnp.float32)
+    found = redrawn(walled, start, (4.0, 2.0), [])
+    assert np.isfinite(found.masked_cost).all()
+    assert (found.actions[:, 0, 0] < 0.3).all()
+
+
+def test_descent_begins_from_the_cheapest_of_what_was_drawn_anew() -> None:
+    start = jnp.asarray(np.random.default_rng(5).normal(size=(16, 1, 3)), jnp.float32)
+    by = Redraws((3.0,), np.arange(16) == 0, jax.random.key(1))
+    anew = redraw(bowl, bowl(start), by, scale=SCALE)
+    found = descend_from_cheapest(bowl, start, count=2, steps=3, descent=DESCENT, scale=SCALE, redraws=by)
+    moved = np.abs(np.asarray(found.best.actions - anew.actions)).max((1, 2)) > 0
+    assert sorted(np.flatnonzero(moved)) == sorted(np.argsort(anew.cost)[:2])
+    np.testing.assert_allclose(found.cost_before, anew.cost, rtol=1e-6)
+    assert found.best.cost.min() < anew.cost.min()

@@ -15,12 +15,12 @@ def tree_rollouts(search: TreeConfig, gradient_steps: int) -> int:
 
     Every branch is grown by the policy once (all but the last of its actions; counted as all) and simulated once; those
     that are descended from are differentiated once a gradient step, and simulated once more at the end. Where all are,
-    as of a single branch, the first slopes are those of the first simulation.
+    as of a single branch, the first slopes are those of the first simulation. Each redraw simulates all once more.
     """
     grown, descended = search.branches, descended_count(search)
     if not gradient_steps:
         return 2 * grown
-    ranked = grown if descended < grown else 0
+    ranked = grown * (1 + len(search.redraws)) if descended < grown or search.redraws else 0
     return grown + ranked + descended * (1 + SLOPE_ROLLOUTS * gradient_steps)
 
 

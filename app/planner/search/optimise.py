@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Bool, Float, Float32, Int
+from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 
 from app.planner.search.tree import Rollout
 
@@ -36,6 +36,10 @@ class OptimizerConfig:
     def optimiser(self) -> optax.GradientTransformation:
         """Optimiser of one candidate; the caller maps it over all."""
         return optax.chain(optax.clip_by_global_norm(self.clip), optax.scale_by_adam(b1=0.7, b2=0.9))
+
+
+_CHILDREN = 8
+"""One in so many candidates is one that others are drawn about."""
 
 
 class OptimizedRollouts(NamedTuple):
@@ -136,6 +140,38 @@ def descend(
     return OptimizedRollouts(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
 
 
+class Redraws(NamedTuple):
+    """How candidates are drawn anew: with each of these `spreads` [scale] in turn, but for those that are `kept`."""
+
+    spreads: tuple[float, ...]
+    kept: Bool[np.ndarray, " B"]
+    key: PRNGKeyArray
+
+
+def redraw(evaluate: Evaluate, found: Rollout, by: Redraws, *, scale: Float32[np.ndarray, " A"]) -> Rollout:
+    """The candidates, in place of those that are not kept the cheapest of them and of others, drawn about the cheapest.
+
+    For each spread as many as there are, about an eighth of them, with normal deviations in every number: a random
+    search about several places at once, where slopes through contacts lead nowhere.
+    """
+    count, free = len(found.cost), np.flatnonzero(~by.kept)
+
+    def joined(mine: Array, its: Array) -> Array:
+        return jnp.concatenate([mine[free], its])
+
+    for spread, key in zip(by.spreads, jax.random.split(by.key, len(by.spreads)), strict=True):
+        parents = jnp.argsort(found.masked_cost)[: max(1, count // _CHILDREN)]
+        about = found.actions[jnp.resize(parents, (count,))]
+        pool = jax.tree.map(joined, found, evaluate(about + spread * scale * jax.random.normal(key, about.shape)))
+        best = jnp.argsort(pool.masked_cost)[: len(free)]
+
+        def replaced(mine: Array, its: Array, best: Int[Array, " F"] = best) -> Array:
+            return mine.at[free].set(its[best])
+
+        found = jax.tree.map(replaced, found, pool)
+    return found
+
+
 def descend_from_cheapest(
     evaluate: Evaluate,
     actions: Float[Array, "B D A"],
@@ -144,11 +180,15 @@ def descend_from_cheapest(
     steps: int,
     descent: OptimizerConfig,
     scale: Float32[np.ndarray, " A"],
+    redraws: Redraws | None = None,
 ) -> OptimizedRollouts:
-    """`descend` from the `count` candidates that cost least as they are; the others stay so, simulated once."""
-    if not steps or count >= len(actions):
+    """`descend` from the `count` candidates that cost least as they are, or once redrawn; the others stay so."""
+    if not steps or (count >= len(actions) and redraws is None):
         return descend(evaluate, actions, steps=steps, descent=descent, scale=scale)
     all_ = evaluate(actions)
+    if redraws is not None:
+        all_ = redraw(evaluate, all_, redraws, scale=scale)
+        actions = all_.actions
     chosen = jnp.argsort(all_.masked_cost)[:count]
     found = descend(evaluate, actions[chosen], steps=steps, descent=descent, scale=scale)
 

@@ -8,7 +8,7 @@ from typing import final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32
+from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
 from app.arm.gate import refusal
 from app.core.errors import PlanningError
@@ -16,10 +16,21 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, descend_from_cheapest
+from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, Redraws, descend_from_cheapest
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
-from app.planner.search.tree import Rollout, TreeConfig, continues, descended_count, first_of, roll_out, simulate, start
+from app.planner.search.tree import (
+    Rollout,
+    TreeConfig,
+    continues,
+    descended_count,
+    first_of,
+    own_branches,
+    random_key,
+    roll_out,
+    simulate,
+    start,
+)
 from app.policy.base import PARKED_POSE, PlanningState
 
 _AGAIN_M = 0.02
@@ -62,7 +73,8 @@ class TreePlanner:
     def __call__(self, request: PlanRequest) -> Plan:
         """Sample, roll out, descend, choose. Raises PlanningError where no branch stayed finite."""
         tree = start(self.search, request)
-        descended = _descend(self, tree.phi, tree.now, jnp.asarray(request.goal), _rolled_out(self.search, tree))
+        actions, key = _rolled_out(self.search, tree), random_key(request.seed)
+        descended = _descend(self, tree.phi, tree.now, jnp.asarray(request.goal), actions, key)
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
             origins[0] = self.search.origin
@@ -76,7 +88,7 @@ class TreePlanner:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
         tree = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
         actions = _rolled_out(self.search, tree)
-        _descend.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
+        _descend.lower(self, tree.phi, tree.now, jnp.asarray(example), actions, random_key(0)).compile()
         compile_film(self.search, tree.phi, tree.now, actions)
         _ways(self.search, actions[:, 0], PARKED_POSE)
 
@@ -91,17 +103,24 @@ def _descend(
     now: PlanningState,
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
+    key: PRNGKeyArray,
 ) -> OptimizedRollouts:
-    scale, count = planner.search.space.scale(), descended_count(planner.search)
+    search, scale = planner.search, planner.search.space.scale()
 
     def evaluate(actions: Float[Array, "K D A"]) -> Rollout:
         few, here = first_of((phi, now), len(actions))
-        return simulate(planner.search, few, here, goal, actions)
+        return simulate(search, few, here, goal, actions)
 
     if planner.optimise is not None:
         return planner.optimise(evaluate, actions, scale)
     return descend_from_cheapest(
-        evaluate, actions, count=count, steps=planner.gradient_steps, descent=planner.descent, scale=scale
+        evaluate,
+        actions,
+        count=descended_count(search),
+        steps=planner.gradient_steps,
+        descent=planner.descent,
+        scale=scale,
+        redraws=Redraws(search.redraws, own_branches(search), key) if search.redraws else None,
     )
 
 

@@ -18,7 +18,7 @@ from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, desc
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import compile_film, film
-from app.planner.search.tree import Rollout, RootBatch, TreeConfig, first_of, simulate, start
+from app.planner.search.tree import Rollout, RootBatch, TreeConfig, first_of, random_key, simulate, start
 from app.planner.search.updates import Gaussian, Update
 from app.policy.base import PlanningState
 
@@ -81,7 +81,7 @@ class SamplingPlanner:
     def __call__(self, request: PlanRequest) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
         begun = self.shift(start(self.search, request), request)
-        found = _evolve(self, begun, jnp.asarray(request.goal), _key(request.seed))
+        found = _evolve(self, begun, jnp.asarray(request.goal), random_key(request.seed))
         origins: list[Origin] = ["sampled"] * self.schedule.kept
         seen = film(self.search, *_first(begun, self.schedule.kept), found.best.actions, found.best.final)
         descended = jax.device_get(found)
@@ -90,7 +90,7 @@ class SamplingPlanner:
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
         begun = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
-        _evolve.lower(self, begun, jnp.asarray(example), _key(0)).compile()
+        _evolve.lower(self, begun, jnp.asarray(example), random_key(0)).compile()
         kept = self.schedule.kept
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
 
@@ -109,11 +109,6 @@ class SamplingPlanner:
 def _first(begun: RootBatch, count: int) -> tuple[Float[Array, "K P"], PlanningState]:
     """Model and situation of so many branches."""
     return first_of((begun.phi, begun.now), count)
-
-
-def _key(seed: int) -> PRNGKeyArray:
-    """Random key of the later generations; the first is drawn by the action space, from the seed itself."""
-    return jax.random.key(int(np.random.default_rng([seed, 1]).integers(2**31)))
 
 
 @partial(jax.jit, static_argnums=0)

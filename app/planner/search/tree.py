@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol, TypeVar, final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from app.core.messages import Origin
 from app.core.types import Centreline, Points, ToolPose
@@ -49,6 +49,8 @@ class TreeConfig:
     Without `guided` no policy takes part: all actions are drawn at random. `part`: the simulator of a piece of an
     action, which does not come to rest at its end as `advance` does where actions end `at_rest`; None if no moments
     in between are shown. `origin`: the name of the policy's branch.
+    `descended`: so many of the cheapest branches are descended from, half of them where it is None. `redraws`: before
+    that, random branches are drawn anew about the cheapest, once for each of these spreads [scale of actions].
     """
 
     space: ActionSpace
@@ -62,6 +64,8 @@ class TreeConfig:
     part: Part | None = None
     at_rest: bool = True
     origin: Origin = "policy"
+    descended: int | None = None
+    redraws: tuple[float, ...] = ()
 
 
 class Rollout(NamedTuple):
@@ -130,8 +134,21 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
 
 
 def descended_count(search: TreeConfig) -> int:
-    """Number of branches that are descended from: half of them, rounded up."""
-    return -(-search.branches // 2)
+    """Number of branches that are descended from: half of them, rounded up, where the search does not say."""
+    return min(search.descended or -(-search.branches // 2), search.branches)
+
+
+def own_branches(search: TreeConfig) -> Bool[np.ndarray, " B"]:
+    """Mask of the branches that are the policy's, or may be the remainder of the plan before: none of random ones."""
+    mine = np.zeros(search.branches, bool)
+    mine[0] = search.guided
+    mine[-1] |= search.depth > 1
+    return mine
+
+
+def random_key(seed: int) -> PRNGKeyArray:
+    """Random key of what is drawn after the first actions, which the action space draws from the seed itself."""
+    return jax.random.key(int(np.random.default_rng([seed, 1]).integers(2**31)))
 
 
 def first_of(candidates: TreeT, count: int) -> TreeT:

@@ -51,12 +51,17 @@ _LONGEST, _LARGEST_TIME_SCALE, _MOST = 1e3, 1e2, 1e6
 @final
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Size of the search for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions."""
+    """Size of the search for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions.
+
+    `descended`, `redraws`: see `TreeConfig`.
+    """
 
     branches: int
     depth: int
     particle_count: int
     gradient_steps: int
+    descended: int | None = None
+    redraws: tuple[float, ...] = ()
 
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
@@ -258,7 +263,10 @@ class Task:
         check_range("time_scale", self.time_scale, 1 / _LARGEST_TIME_SCALE, _LARGEST_TIME_SCALE)
         for kind, preset in self.presets.items():
             for name, value in vars(preset).items():
-                check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
+                if isinstance(value, int):
+                    check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
+            for spread in preset.redraws:
+                check_range(f"presets[{kind!r}].redraws", spread, 0.0, _MOST)
 
     @property
     def views(self) -> tuple[OrthographicView, ...]:
