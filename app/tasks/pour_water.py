@@ -39,8 +39,6 @@ FAR_M, FILLED = 0.60, 0.90
 """Hard problems: the x of the other bowl, and the share of it that all of the liquid would fill."""
 MARKS, WITHIN, SURELY = (0.35, 0.80), 0.06, 0.04
 """Hard problems: the share of it that shall be poured, how near to that counts, and what has to be seen."""
-SHORT = 0.03
-"""By how much less a planner aims at, which errs by about 0.05: within what is seen as enough."""
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
 LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 
@@ -78,7 +76,7 @@ def _hard(task: Task) -> Task:
         scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
         actions=replace(task.actions, low=(x, y, lowest_m)),
         policy=replace(policy, height_m=lowest_m, mark=bowl),
-        weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m, short=SHORT)),
+        weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m)),
         problems=FillingProblems(
             whole=problems, volume_m3=body.volume_m3, held=HELD, target=narrow, marks=MARKS, rest_m=rest_m
         ),

@@ -62,8 +62,7 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
     problems, success, distance = parts(task)
     goal = task.goal(0, COUNT)
     wanted = success.bowl.share(goal)
-    aim = wanted - distance.short
-    at = [aim - 0.2, aim - 0.1, aim, aim + 0.1]
+    at = [wanted - 0.2, wanted - 0.1, wanted, wanted + 0.1]
     x = jnp.asarray(np.stack([poured(problems, share) for share in at]))
     cost_m2, chamfer = np.asarray(distance(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
     # Soft borders count what is near the wall and the rim as partly outside.
