@@ -78,7 +78,7 @@ def _line(found: Descents) -> str:
 def table(found: list[Descents], gradient_steps: int) -> str:
     """Mean cost more than that of descent from all branches by half the steps, and in how many decisions it is so.
 
-    That is as much work as `gradient_steps` from half of them, which is what the tree does.
+    That is as much work as `gradient_steps` from half of them, which is what a tree does that says nothing else.
     """
     branches, most, half = found[0].cost.shape[1], len(found[0].cost) - 1, -(-gradient_steps // 2)
     whole = np.array([each.best(branches, half) for each in found])

@@ -21,6 +21,7 @@ def make_planner(method: Method, search: TreeConfig, descent: OptimizerConfig, g
         guided=method.guided,
         branches=search.branches if method.branching else 1,
         depth=search.depth if method.branching or method.descending else 1,
+        redraws=search.redraws if method.branching else (),
     )
     build = getattr(importlib.import_module(f"{methods.__name__}.{method.planner}"), "planner", None)
     if build is None:

@@ -27,7 +27,7 @@ class MarkedBowl:
 
     def share(self, x: Points) -> float:
         """Share of the particles `x` (N, 3) [m] in it."""
-        away = x - np.asarray(self.place_m, np.float32)
+        away = x - np.asarray(self.place_m)
         return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))
 
     def soft_share(self, x: Float[Array, "*batch N 3"]) -> Float[Array, "*batch"]:

@@ -160,3 +160,20 @@ def test_a_mean_stays_where_no_sample_may_be_made(update: Update) -> None:
 def test_samples_of_one_cost_are_averaged() -> None:
     actions = jnp.array([[[0.5, 1.0]], [[1.5, 1.0]]])
     assert PathIntegral()(bowl(actions), BEFORE, SCALE).mean == pytest.approx(np.array([[1.0, 1.0]]))
+
+
+def test_a_tree_draws_random_branches_anew_and_keeps_the_policys_and_one_branch_never_does() -> None:
+    asked = PlanRequest(observed=rope(), goal=rope(0.04, 0.3), phi=PHI, seed=1)
+    sized = replace(search(branches=8, depth=1), descended=1, redraws=(2.0,))
+    plain, anew = (
+        make_planner(Method(), replace(sized, redraws=redraws), DESCENT, 1)(asked) for redraws in ((), (2.0,))
+    )
+    assert anew.branches[0].origin == "policy"
+    assert anew.branches[0].cost_before == pytest.approx(plain.branches[0].cost_before, rel=1e-4)
+    before = [sorted(branch.cost_before for branch in plan.branches[1:]) for plan in (anew, plain)]
+    assert all(mine <= its + 1e-9 for mine, its in zip(*before, strict=True))
+    assert before[0] != before[1]
+    for method in (Method.of("diff_mpc"), Method.of(ablation="no_planning")):
+        single = make_planner(method, sized, DESCENT, 1)
+        assert isinstance(single, TreePlanner)
+        assert (single.search.branches, single.search.redraws) == (1, ())

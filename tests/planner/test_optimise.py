@@ -147,9 +147,8 @@ def test_from_all_of_them_or_without_steps_it_is_descent_itself(count: int, step
 
 
 def redrawn(evaluate, start: jnp.ndarray, spreads: tuple[float, ...], kept: list[int]) -> Rollout:
-    mask = np.isin(np.arange(len(start)), kept)
-    by = Redraws(spreads, mask, jax.random.key(0))
-    return jax.jit(lambda start: redraw(evaluate, evaluate(start), by, scale=SCALE))(start)
+    by = Redraws(spreads, np.isin(np.arange(len(start)), kept), jax.random.key(0))
+    return redraw(evaluate, evaluate(start), by, scale=SCALE)
 
 
 def ripples(actions: jnp.ndarray) -> Rollout:
@@ -157,29 +156,58 @@ def ripples(actions: jnp.ndarray) -> Rollout:
     return rollout(actions, bowl(actions).cost + (1 - jnp.cos(40 * actions)).sum((1, 2)))
 
 
+def some(seed: int, count: int = 32) -> jnp.ndarray:
+    return jnp.asarray(np.random.default_rng(seed).normal(size=(count, 1, 3)), jnp.float32)
+
+
 @pytest.mark.parametrize("evaluate", [bowl, ripples])
 def test_what_is_drawn_anew_costs_less_rank_by_rank_and_what_is_kept_stays(evaluate) -> None:
-    start = jnp.asarray(np.random.default_rng(3).normal(size=(32, 1, 3)), jnp.float32)
+    start, ends = some(3), jnp.array([0, 31])
     before, found = evaluate(start), redrawn(evaluate, start, (4.0, 2.0), [0, 31])
-    np.testing.assert_array_equal(found.actions[jnp.array([0, 31])], start[jnp.array([0, 31])])
+    np.testing.assert_array_equal(found.actions[ends], start[ends])
     assert (np.sort(found.cost[1:31]) <= np.sort(before.cost[1:31]) + 1e-6).all()
     assert found.cost.min() < 0.7 * before.cost.min()
     np.testing.assert_allclose(evaluate(found.actions).cost, found.cost, rtol=1e-5)
 
 
-def test_nothing_is_drawn_about_what_may_not_be_made() -> None:
-    def walled(actions: jnp.ndarray) -> Rollout:
-        x = actions[:, 0, 0]
-        return rollout(actions, jnp.where(x > 0.5, jnp.nan, bowl(actions).cost), allowed=x < 0.3)
+@pytest.mark.parametrize("spread", [0.5, 4.0])
+def test_new_ones_are_drawn_about_the_cheapest_eighth_by_the_spread(spread: float) -> None:
+    start, asked = some(4), list[np.ndarray]()
 
-    start = jnp.asarray(np.random.default_rng(4).normal(size=(32, 1, 3)), jnp.float32)
-    found = redrawn(walled, start, (4.0, 2.0), [])
+    def recorded(actions: jnp.ndarray) -> Rollout:
+        asked.append(np.asarray(actions))
+        return bowl(actions)
+
+    redrawn(recorded, start, (spread,), [])
+    first, new = asked
+    parents = first[np.argsort(np.asarray(bowl(start).cost))[:4]]
+    away = (new - np.tile(parents, (8, 1, 1))) / (spread * SCALE)
+    assert 0.7 < away.std() < 1.3
+    assert np.abs(away).max() < 5
+
+
+def test_nothing_is_drawn_about_what_may_not_be_made_however_cheap_it_is() -> None:
+    start, asked = some(5), list[np.ndarray]()
+    far = start.at[:8].set(start[:8] + 50.0)
+
+    def walled(actions: jnp.ndarray) -> Rollout:
+        asked.append(np.asarray(actions))
+        x = actions[:, 0, 0]
+        return rollout(actions, jnp.where(x > 20, -1.0, bowl(actions).cost), allowed=x < 20)
+
+    found = redrawn(walled, far, (2.0,), [])
+    assert asked[1].max() < 20
     assert np.isfinite(found.masked_cost).all()
-    assert (found.actions[:, 0, 0] < 0.3).all()
+
+
+def test_what_is_best_already_is_not_given_up_for_what_is_drawn_anew() -> None:
+    start = jnp.ones((16, 1, 3)) + 1e-3 * some(6, 16)
+    found = redrawn(bowl, start, (50.0,), [])
+    np.testing.assert_allclose(np.sort(found.cost), np.sort(bowl(start).cost), rtol=1e-5)
 
 
 def test_descent_begins_from_the_cheapest_of_what_was_drawn_anew() -> None:
-    start = jnp.asarray(np.random.default_rng(5).normal(size=(16, 1, 3)), jnp.float32)
+    start = some(7, 16)
     by = Redraws((3.0,), np.arange(16) == 0, jax.random.key(1))
     anew = redraw(bowl, bowl(start), by, scale=SCALE)
     found = descend_from_cheapest(bowl, start, count=2, steps=3, descent=DESCENT, scale=SCALE, redraws=by)

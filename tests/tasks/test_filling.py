@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from app.core.geometry.chamfer import chamfer_m2
-from app.core.types import Points
 from app.planner.actions.mark_cost import ToMark
 from app.tasks import Task, load
 from app.tasks.elements.filling import Filled, FillingProblems
-from app.tasks.elements.pouring import pool
 
 COUNT = 300
 filling = pytest.mark.parametrize("task", [load("pour_water-hard"), load("pour_soup-hard")], ids=lambda task: task.name)
@@ -21,17 +19,6 @@ def parts(task: Task) -> tuple[FillingProblems, Filled, ToMark]:
     assert isinstance(task.success, Filled)
     assert isinstance(task.weights.distance, ToMark)
     return task.problems, task.success, task.weights.distance
-
-
-def poured(problems: FillingProblems, share: float) -> Points:
-    """The liquid at rest in the two bowls, this share of it in the target."""
-    count = round(share * COUNT)
-    spots = ((problems.target, problems.target.place_m, count), (problems.held, problems.rest_m, COUNT - count))
-    pools = [
-        pool(np.asarray(middle), bowl.radius_m, volume_m3=n / COUNT * problems.volume_m3, count=n)
-        for bowl, middle, n in spots
-    ]
-    return np.concatenate(pools)
 
 
 @filling
@@ -50,8 +37,8 @@ def test_too_much_is_as_wrong_as_too_little(task: Task) -> None:
     goal = task.goal(0, COUNT)
     wanted, off = success.bowl.share(goal), success.within
     for share, right in ((wanted - off - 0.02, False), (wanted - off + 0.02, True), (wanted + off - 0.02, True)):
-        assert success.is_reached(poured(problems, share), goal) is right
-    too_much = poured(problems, wanted + 2 * off)
+        assert success.is_reached(problems.filled(share, COUNT), goal) is right
+    too_much = problems.filled(wanted + 2 * off, COUNT)
     assert not success.is_reached(too_much, goal)
     assert success.share(too_much, goal) == pytest.approx(1 - 2 * off / wanted, abs=2 / COUNT / wanted)
     assert success.share(task.particles(task.start(0), COUNT), goal) == 0.0
@@ -63,10 +50,12 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
     goal = task.goal(0, COUNT)
     wanted = success.bowl.share(goal)
     at = [wanted - 0.2, wanted - 0.1, wanted, wanted + 0.1]
-    x = jnp.asarray(np.stack([poured(problems, share) for share in at]))
+    x = jnp.asarray(np.stack([problems.filled(share, COUNT) for share in at]))
     cost_m2, chamfer = np.asarray(distance(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
     # Soft borders count what is near the wall and the rim as partly outside.
-    np.testing.assert_allclose((cost_m2 - chamfer) / distance.apart_m**2, [0.2, 0.1, 0.0, 0.1], rtol=0.3, atol=1 / COUNT)
+    np.testing.assert_allclose(
+        (cost_m2 - chamfer) / distance.apart_m**2, [0.2, 0.1, 0.0, 0.1], rtol=0.3, atol=1 / COUNT
+    )
     assert cost_m2.argmin() == 2
     assert (chamfer[[1, 3]] < 0.1 * distance.apart_m**2).all()
 
@@ -75,7 +64,7 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
 def test_its_slopes_are_those_of_differences(task: Task) -> None:
     problems, success, distance = parts(task)
     goal = jnp.asarray(task.goal(0, COUNT))
-    x = jnp.asarray(poured(problems, success.bowl.share(np.asarray(goal)) + 0.15))
+    x = jnp.asarray(problems.filled(success.bowl.share(np.asarray(goal)) + 0.15, COUNT))
     up = jnp.zeros_like(x).at[:, 2].set(jnp.where(x[:, 0] > problems.target.place_m[0] - 0.04, 1.0, 0.0))
 
     def raised(height_m: jnp.ndarray) -> jnp.ndarray:

@@ -13,9 +13,9 @@ _LEAST_M = 1e-4
 
 
 def _see(points: Places, eye: Eye, values: Values) -> Places:
-    if eye.middle is None:
+    if (middle := eye.middle) is None:
         return points
-    out = points - eye.middle
+    out = points - middle
     width = np.linalg.norm(out[:, :2], axis=1)
     share = values[0] / max(float(np.quantile(width, 0.95)), _LEAST_M)
     shrunk = points.copy()

@@ -12,4 +12,5 @@ from app.planner.search.tree import TreeConfig
 def planner(search: TreeConfig, descent: OptimizerConfig, gradient_steps: int) -> Planner:
     """A tree of one branch without a policy, with as many gradient steps as the tree takes altogether."""
     steps = at_least(tree_rollouts(search, gradient_steps), SLOPE_ROLLOUTS)
-    return TreePlanner(search=replace(search, branches=1, guided=False), descent=descent, gradient_steps=steps)
+    alone = replace(search, branches=1, guided=False, descended=None, redraws=())
+    return TreePlanner(search=alone, descent=descent, gradient_steps=steps)

@@ -60,9 +60,9 @@ class Plan:
 class TreePlanner:
     """The paper's planner. What is heavy are two compiled functions, each of all branches at once.
 
-    Descent begins from the cheaper half of the branches, as many as `descended_count` says: in the decisions that were
-    looked at hardly any other became the best (docs/results.md, "Descent from the cheaper half"). `optimise`:
-    another way to better all branches, instead.
+    Descent begins from the cheapest branches, as many as `descended_count` says: in the decisions that were looked at
+    hardly any other became the best (docs/results.md, "Descent from the cheaper half"). Before, random ones may be
+    drawn anew ("Branches drawn anew"). `optimise`: another way to better all branches, instead.
     """
 
     search: TreeConfig

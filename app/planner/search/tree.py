@@ -135,7 +135,8 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
 
 def descended_count(search: TreeConfig) -> int:
     """Number of branches that are descended from: half of them, rounded up, where the search does not say."""
-    return min(search.descended or -(-search.branches // 2), search.branches)
+    half = -(-search.branches // 2)
+    return half if search.descended is None else min(search.descended, search.branches)
 
 
 def own_branches(search: TreeConfig) -> Bool[np.ndarray, " B"]:

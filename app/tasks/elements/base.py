@@ -44,6 +44,8 @@ _AROUND_M, _PIXEL_M = 0.04, 0.008
 """Margin [m] of pictures around the reach of actions, and their pixel [m]: half of a rope's width."""
 _ROUNDED = 1e-6
 """Relative rounding error of a number in single precision."""
+_LEAST_SPREAD = 1e-3
+"""Spread [scale of actions] below which nothing is drawn anew."""
 _LONGEST, _LARGEST_TIME_SCALE, _MOST = 1e3, 1e2, 1e6
 """Upper bounds on actions, time scale and sizes of presets: a larger number is a mistake."""
 
@@ -62,6 +64,11 @@ class Preset:
     gradient_steps: int
     descended: int | None = None
     redraws: tuple[float, ...] = ()
+
+    @property
+    def numbers(self) -> Mapping[str, int]:
+        """The counts that it says, by name."""
+        return {name: each for name, each in vars(self).items() if name != "redraws" and each is not None}
 
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
@@ -262,11 +269,10 @@ class Task:
         check_range("horizon", float(self.horizon), 1.0, _LONGEST)
         check_range("time_scale", self.time_scale, 1 / _LARGEST_TIME_SCALE, _LARGEST_TIME_SCALE)
         for kind, preset in self.presets.items():
-            for name, value in vars(preset).items():
-                if isinstance(value, int):
-                    check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
+            for name, value in preset.numbers.items():
+                check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
             for spread in preset.redraws:
-                check_range(f"presets[{kind!r}].redraws", spread, 0.0, _MOST)
+                check_range(f"presets[{kind!r}].redraws", spread, _LEAST_SPREAD, _MOST)
 
     @property
     def views(self) -> tuple[OrthographicView, ...]:

@@ -16,7 +16,10 @@ from app.tasks.elements.pouring import pool
 @final
 @dataclass(frozen=True, kw_only=True)
 class Filled:
-    """The marked bowl holds what it does in the goal, within the share `within` of all the liquid."""
+    """The marked bowl holds what it does in the goal, within the share `within` of all the liquid that there is.
+
+    What is not in it may be anywhere: the cost alone keeps it in the other bowl.
+    """
 
     bowl: MarkedBowl
     within: float
@@ -27,8 +30,8 @@ class Filled:
 
     def share(self, x: Points, goal: Points) -> float:
         """Share of the wanted amount that is there; what is too much counts like what is missing."""
-        wanted = self.bowl.share(goal)
-        return max(0.0, 1.0 - abs(self.bowl.share(x) - wanted) / wanted)
+        wanted, there = self.bowl.share(goal), self.bowl.share(x)
+        return max(0.0, 1.0 - abs(there - wanted) / wanted) if wanted else float(there == 0.0)
 
 
 @final
@@ -52,8 +55,12 @@ class FillingProblems:
         return self.whole.start(seed)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """The liquid at rest in both bowls."""
-        poured = round(float(np.random.default_rng([seed, 3]).uniform(*self.marks)) * particle_count)
+        """The liquid at rest in both bowls, as much in the target as its mark says."""
+        return self.filled(float(np.random.default_rng([seed, 3]).uniform(*self.marks)), particle_count)
+
+    def filled(self, share: float, particle_count: int) -> Points:
+        """The liquid at rest in both bowls, this share of it in the target."""
+        poured = round(share * particle_count)
         kept = particle_count - poured
         parts = [
             pool(np.asarray(middle), bowl.radius_m, volume_m3=count / particle_count * self.volume_m3, count=count)

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.geometry.shapes.fixtures import Mat
 from app.core.types import Points
+from app.policy.marked_bowl import MarkedBowl
 
 
 class SuccessCriterion(Protocol):
@@ -73,8 +74,7 @@ class InBowl:
     def share(self, x: Points, goal: Points) -> float:
         """Share of the particles in the lower half of the ball."""
         del goal
-        away = x - np.asarray(self.place_m)
-        return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))
+        return MarkedBowl(place_m=self.place_m, radius_m=self.radius_m).share(x)
 
 
 @final
