@@ -33,7 +33,7 @@ class Size:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Of "BRANCHES/DESCENDED/STEPS", or with "/SPREAD+SPREAD" behind it."""
+        """The size that says "BRANCHES/DESCENDED/STEPS", or with "/SPREAD+SPREAD" behind it."""
         branches, descended, steps, *spreads = text.split("/")
         redraws = tuple(float(spread) for each in spreads for spread in each.split("+"))
         return cls(branches=int(branches), descended=int(descended), steps=int(steps), redraws=redraws)

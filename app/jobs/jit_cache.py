@@ -38,7 +38,8 @@ from app.sim.runtime.directions import find_directions
 from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
-from app.tasks.elements.base import RodDynamics, Task
+from app.tasks.elements.base import Task
+from app.tasks.elements.rods import RodDynamics
 
 __all__ = ["advance", "calibrate_model", "nominal_model", "now", "phi_of", "planner", "search"]
 

@@ -37,8 +37,8 @@ def test_too_much_is_as_wrong_as_too_little(task: Task) -> None:
     goal = task.goal(0, COUNT)
     wanted, off = success.bowl.share(goal), success.within
     for share, right in ((wanted - off - 0.02, False), (wanted - off + 0.02, True), (wanted + off - 0.02, True)):
-        assert success.is_reached(problems.filled(share, COUNT), goal) is right
-    too_much = problems.filled(wanted + 2 * off, COUNT)
+        assert success.is_reached(problems.pools(share, COUNT), goal) is right
+    too_much = problems.pools(wanted + 2 * off, COUNT)
     assert not success.is_reached(too_much, goal)
     assert success.share(too_much, goal) == pytest.approx(1 - 2 * off / wanted, abs=2 / COUNT / wanted)
     assert success.share(task.particles(task.start(0), COUNT), goal) == 0.0
@@ -50,7 +50,7 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
     goal = task.goal(0, COUNT)
     wanted = success.bowl.share(goal)
     at = [wanted - 0.2, wanted - 0.1, wanted, wanted + 0.1]
-    x = jnp.asarray(np.stack([problems.filled(share, COUNT) for share in at]))
+    x = jnp.asarray(np.stack([problems.pools(share, COUNT) for share in at]))
     cost_m2, chamfer = np.asarray(distance(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
     # Soft borders count what is near the wall and the rim as partly outside.
     np.testing.assert_allclose(
@@ -64,7 +64,7 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
 def test_its_slopes_are_those_of_differences(task: Task) -> None:
     problems, success, distance = parts(task)
     goal = jnp.asarray(task.goal(0, COUNT))
-    x = jnp.asarray(problems.filled(success.bowl.share(np.asarray(goal)) + 0.15, COUNT))
+    x = jnp.asarray(problems.pools(success.bowl.share(np.asarray(goal)) + 0.15, COUNT))
     up = jnp.zeros_like(x).at[:, 2].set(jnp.where(x[:, 0] > problems.target.place_m[0] - 0.04, 1.0, 0.0))
 
     def raised(height_m: jnp.ndarray) -> jnp.ndarray:

@@ -141,7 +141,7 @@ def descend(
 
 
 class Redraws(NamedTuple):
-    """How candidates are drawn anew: with each of these `spreads` [scale] in turn, but for those that are `kept`.
+    """A way to draw candidates anew: with each of these `spreads` [scale] in turn, but for those that are `kept`.
 
     Others may be drawn about these, too, and are then random ones like all.
     """

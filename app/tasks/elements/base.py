@@ -35,8 +35,8 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.policy.symmetry import Symmetry
     from app.sim.model.scene import Scene
     from app.sim.parameter import ParameterSpec
-    from app.sim.rods.scene import RodScene
     from app.sim.state import State
+    from app.tasks.elements.rods import RodDynamics
     from app.tasks.elements.success import SuccessCriterion
 
 
@@ -73,41 +73,6 @@ class Preset:
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
 """Nodes [m] of the object in a simulated world: a rope's centreline, or the centres of many pieces."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class RodDynamics:
-    """Rod simulation of a task's rope, in real time and under real weight.
-
-    `physics`: parameters of its contact with finger and table, by the names of `RodPhysics`; `nominal`, `presets`: as
-    a task's; `push_substeps`, `rest_substeps`: time steps of the scene in a push and in the rest after it.
-    """
-
-    scene: RodScene
-    physics: Mapping[str, float]
-    nominal: Mapping[str, float]
-    presets: Mapping[str, Preset]
-    push_substeps: int
-    rest_substeps: int
-    max_rigidity_n_m2: float
-    """The largest bending rigidity that is simulated, by `stiff_scene`."""
-    calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction")
-    """Parameters that calibration estimates."""
-    tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
-    """Components of the tool's offset in its own frame that calibration estimates besides, if recordings tell them."""
-
-    @property
-    def stiff_scene(self) -> RodScene:
-        """The scene of ropes that are stiffer than `scene` bears: limp ones are simulated less truly in it."""
-        from app.sim.model.params import PARAMETERS, index
-
-        most = PARAMETERS[index("stiffness")].high * self.scene.second_moment_m4
-        return replace(self.scene, stiffest_n_m2=max(self.scene.max_rigidity_n_m2, min(self.max_rigidity_n_m2, most)))
-
-    def scene_for(self, *, stiff: bool) -> RodScene:
-        """`stiff_scene` or `scene`."""
-        return self.stiff_scene if stiff else self.scene
 
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:

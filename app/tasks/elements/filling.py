@@ -56,9 +56,9 @@ class FillingProblems:
 
     def goal(self, seed: int, particle_count: int) -> Points:
         """The liquid at rest in both bowls, as much in the target as its mark says."""
-        return self.filled(float(np.random.default_rng([seed, 3]).uniform(*self.marks)), particle_count)
+        return self.pools(float(np.random.default_rng([seed, 3]).uniform(*self.marks)), particle_count)
 
-    def filled(self, share: float, particle_count: int) -> Points:
+    def pools(self, share: float, particle_count: int) -> Points:
         """The liquid at rest in both bowls, this share of it in the target."""
         poured = round(share * particle_count)
         kept = particle_count - poured
