@@ -4,11 +4,13 @@ import time
 from dataclasses import dataclass, replace
 from typing import Annotated, Self
 
+import jax.numpy as jnp
 import numpy as np
 import tyro
 from jaxtyping import Float
 
 from app.config import Site
+from app.core.types import ToolPose
 from app.jobs import jit_cache
 from app.planner.base import Planner
 from app.planner.method import Method
@@ -17,6 +19,7 @@ from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import load
+from app.tasks.elements.base import Task
 
 _SAME_MM2 = 1.0
 """Difference of costs that counts as none."""
@@ -71,8 +74,14 @@ def decide(task: str, sizes: list[str], seeds: list[int], actions: int) -> Float
                 row.append((1e6 * _cost(plans[-1]), time.perf_counter() - began_s))
             rows.append(row)
             print(f"seed {seed} action {action}: " + ", ".join(f"{cost:.0f}" for cost, _ in row), flush=True)
-            x = min(plans, key=_cost).predicted
+            best = min(plans, key=_cost)
+            x, tool = best.predicted, _pose_after(data, best, tool)
     return np.array(rows).swapaxes(0, 1)
+
+
+def _pose_after(task: Task, plan: Plan, tool: ToolPose) -> ToolPose:
+    first = jnp.asarray(plan.branches[plan.best].actions[:1])
+    return np.array(task.actions.after(first, jnp.asarray(tool)[None])[0])
 
 
 def _cost(plan: Plan) -> float:
@@ -100,7 +109,7 @@ def main(
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(help="Episodes.")] = (4, 5, 6, 7),
     actions: int = 6,
 ) -> None:
-    """Print what decisions cost, and a table of it. The world does as the model predicts, for pushes and sweeps."""
+    """Print what decisions cost, and a table of it. The world does as the model predicts."""
     print(table([*sizes, "cem_mpc"], decide(task, list(sizes), list(seeds), actions)))
 
 

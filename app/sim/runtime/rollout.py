@@ -15,6 +15,7 @@ from app.sim.model.scene import Scene
 from app.sim.mpm.simd_layout import unpack
 from app.sim.runtime.checks import Setup, require_counts, require_shapes
 from app.sim.runtime.directions import find_directions
+from app.sim.runtime.freed_memory import keep_freed_memory
 from app.sim.runtime.launch import make_operations
 from app.sim.runtime.order import morton_order, reorder
 from app.sim.runtime.schedule import Schedule, schedule_for
@@ -72,6 +73,8 @@ def make_rollout(
     """
     counts = (particle_count,) if isinstance(particle_count, int) else tuple(particle_count)
     require_counts(scene, counts)
+    if jax.default_backend() == "cpu":
+        keep_freed_memory()
     launched = schedule or schedule_for(jax.default_backend(), scene, effects)
     operations = make_operations(scene, counts, launched)
     sizes = Setup(scene=scene, counts=counts, effects=effects).sizes()
