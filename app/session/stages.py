@@ -240,10 +240,11 @@ class SessionStages:
         return transition
 
     async def _look(self) -> Particles:
-        """The first particles whose every frame was taken with the arm at rest, `settle_s` after it moved last."""
+        """The first particles whose every frame was taken with arm and object at rest: some time after it moved."""
         parts = self._parts
         parts.reporting.do("looking at the object")
-        due_s = max(self._touched_s, self._store.state.resumed_s) + parts.site.timing.settle_s
+        settle_s = max(parts.site.timing.settle_s, self._store.state.config.task.stage.settle_s)
+        due_s = max(self._touched_s, self._store.state.resumed_s) + settle_s
         observed = await parts.sensing.next_particles(due_s=due_s)
         parts.summary.saw(observed, self._store.state.config.target)
         return observed

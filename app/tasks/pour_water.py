@@ -1,10 +1,11 @@
 """Pouring water from a bowl in the hand into one on the table (paper, Pour-Water).
 
 The paper's 6-D actions of 100 steps are planned ten steps at a time: a decision holds one velocity and rate of turning
-for half a second, and then waits for what flows. So an episode has about ten decisions, and none begins in a splash.
+for half a second, and then waits for what flows. So an episode has about ten decisions, and few begin in a splash.
 """
 
 from dataclasses import replace
+from math import ceil
 from types import MappingProxyType
 
 import numpy as np
@@ -37,6 +38,8 @@ PARTICLES = 300
 HOME_M = (0.34, 0.0, 0.25)
 FAR_M, FILLED = 0.60, 0.90
 """Hard problems: the x of the other bowl, and the share of it that all of the liquid would fill."""
+EBB_S = 1.5
+"""Hard problems: the time in which nearly all has run out that an action pours, in the model as in the cell."""
 MARKS, WITHIN, SURELY = (0.35, 0.80), 0.06, 0.04
 """Hard problems: the share of it that shall be poured, how near to that counts, and what has to be seen."""
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
@@ -71,10 +74,10 @@ def _hard(task: Task) -> Task:
     apart_m = float(np.linalg.norm(np.subtract(rest_m, narrow.place_m)))
     return replace(
         task,
-        stage=replace(task.stage, fixtures=(narrow,)),
+        stage=replace(task.stage, fixtures=(narrow,), settle_s=EBB_S),
         perception=replace(task.perception, standing=(Vessel(radius_m=radius_m, place_m=narrow.place_m),)),
         scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
-        actions=replace(task.actions, low=(x, y, lowest_m)),
+        actions=replace(task.actions, low=(x, y, lowest_m), rest_substeps=ceil(EBB_S / task.scene.dt_s)),
         policy=replace(policy, height_m=lowest_m, mark=bowl),
         weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m)),
         problems=FillingProblems(

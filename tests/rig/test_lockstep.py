@@ -34,6 +34,14 @@ def test_a_motion_leads_back_to_its_approval(cell: LockStep) -> None:
     assert np.abs(cell.nodes() - before).max() > 0.01
 
 
+@pytest.mark.parametrize(("own_s", "given_s"), [(0.1, 0.6), (2.0, 2.0)])
+def test_an_object_that_is_slow_to_rest_is_given_the_time(own_s: float, given_s: float) -> None:
+    cell = LockStep(Stage(body=ROPE, tool=FINGER, settle_s=own_s), straight_rope(), SITE, 0)
+    assert SITE.timing.settle_s == 0.6
+    executed = cell.execute(approved(PUSH))
+    assert cell.time_s - executed.times_s[-1] == pytest.approx(given_s, abs=1e-6)
+
+
 def test_an_approval_is_for_one_motion(cell: LockStep) -> None:
     leave = approved(PUSH)
     cell.execute(leave)

@@ -5,6 +5,8 @@ going. Faults that end a run are in `test_ends.py`.
 """
 
 from collections.abc import AsyncIterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +64,16 @@ async def test_an_approved_plan_is_made_and_scored(cell: Run) -> None:
     assert executed.id in outcome.cause
     (seen,) = [each for each in cell.person.all(Particles) if each.id in outcome.cause]
     assert seen.time_s > executed.time_s, "what came of it was seen before it was over"
+
+
+async def test_what_is_slow_to_rest_is_looked_at_when_it_has_come_to_rest(tmp_path: Path) -> None:
+    config, settle_s = small_wish(), 3.0
+    slow = replace(config.task, stage=replace(config.task.stage, settle_s=settle_s))
+    async with running(small_site(tmp_path), replace(config, task=slow)) as run:
+        executed = await pushes(run, await fresh_plan(run))
+        outcome = await run.person.sees(Outcome)
+        (seen,) = [each for each in run.person.all(Particles) if each.id in outcome.cause]
+        assert seen.time_s >= executed.time_s + settle_s > executed.time_s + 10 * run.site.timing.settle_s
 
 
 # Stop and resume ------------------------------------------------------------------------------------------------------

@@ -5,8 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.config import Site
 from app.core.geometry.chamfer import chamfer_m2
 from app.planner.actions.mark_cost import ToMark
+from app.planner.actions.pour_actions import Pours
 from app.tasks import Task, load
 from app.tasks.elements.filling import Filled, FillingProblems
 
@@ -29,6 +31,14 @@ def test_goals_hold_all_the_liquid_in_two_bowls_by_seed(task: Task) -> None:
     assert all(low - 1 / COUNT <= share <= high + 1 / COUNT for share in shares)
     assert len(set(shares)) > 6
     assert task.goal(0, COUNT).shape == (COUNT, 3)
+
+
+@filling
+def test_plans_wait_for_what_still_flows_as_long_as_the_cell_does(task: Task) -> None:
+    assert isinstance(task.actions, Pours)
+    waited_s = task.actions.rest_substeps * task.scene.dt_s
+    assert waited_s == pytest.approx(task.stage.settle_s, abs=task.scene.dt_s)
+    assert waited_s > Site().timing.settle_s
 
 
 @filling

@@ -145,11 +145,12 @@ Body: TypeAlias = Rope | Beans | Cloth | Liquid | Soup
 @final
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """A cell's contents."""
+    """A cell's contents. `settle_s`: the least time [s] that the body is given to come to rest after a motion."""
 
     body: Body
     tool: Tool
     fixtures: tuple[Fixture, ...] = ()
+    settle_s: float = 0.0
 
     def in_world(self, world: RopeModel) -> "Stage":
         """The same stage with this model of its rope. Raises UsageError where there is no rope."""

@@ -57,6 +57,7 @@ class LockStep:
         kind, effects = kind_of(stage), hidden.effects if hidden else ()
         home = kind.home(stage, start)
         self._site, self._arm, self._approvals = site, ArmControl(site, home), UsedApprovals()
+        self._settle_s = max(site.timing.settle_s, stage.settle_s)
         self._errors, intrusion = ErringArm(effects), Intrusion(effects)
         intrusion.session = _END
         physics = hidden.physics if hidden else None
@@ -103,7 +104,7 @@ class LockStep:
         if self._errors.errs:
             self._step(tips[0], _JOINED_S)
         times = np.array([self._step(tip, self._site.timing.arm_period_s) for tip in tips[1:]])
-        self._world.step(self._tip, self._site.timing.settle_s)
+        self._world.step(self._tip, self._settle_s)
         commanded, measured = commanded[np.minimum(np.arange(len(times)) + 1, len(commanded) - 1)], measured[1:]
         return Executed(
             id=fresh_id("executed"),
