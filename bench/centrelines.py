@@ -1,8 +1,9 @@
 """Accuracy of a rope's centreline found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
 
 Random pushes in a row fold the rope of the simulated world, whose nodes are known. Its cloud is seen exactly, with
-noise, with a hole, as more particles, and by rendered cameras; errors are mean distances of nodes at equal arc length,
-either end first. A tracked centreline is given what rods predict of the push, from the centreline found before it.
+noise, with a hole, denser towards an end, as more particles, and by rendered cameras; errors are mean distances of
+nodes at equal arc length, either end first. A tracked centreline is given what rods predict of the push, from the
+centreline found before it.
 """
 
 import sys
@@ -97,6 +98,15 @@ def holed(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
     return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
 
 
+def uneven(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """Cloud that is twice as dense at the rope's last end as at its first, of points at random, and 1 mm of noise."""
+    rng, x = np.random.default_rng(seed), TASK.particles(nodes, 1200)
+    nearest = np.linalg.norm(x[:, None, :2] - nodes[None, :, :2], axis=2).argmin(1)
+    chance = 2.0 ** (nearest / (len(nodes) - 1))
+    x = x[rng.choice(len(x), 300, replace=False, p=chance / chance.sum())]
+    return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
+
+
 def dense(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
     """Cloud of as many particles as on a GPU."""
     del seed
@@ -108,7 +118,14 @@ def seen(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
     return rendered(TASK, nodes, seed)
 
 
-SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (exact, noisy, holed, dense, seen)
+SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (
+    exact,
+    noisy,
+    holed,
+    uneven,
+    dense,
+    seen,
+)
 
 
 def folded(line: Float64[np.ndarray, "n 2"]) -> bool:

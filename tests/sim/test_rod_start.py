@@ -137,6 +137,34 @@ def test_round_ends_do_not_draw_the_nodes_outward_or_make_them_cut_bends(seed: i
     assert distance(np.asarray(start, np.float64), nodes[:, :2]) < R / 6
 
 
+def denser_at_an_end(nodes: np.ndarray, rope: RopeShape, times: float, seed: int) -> np.ndarray:
+    """Points at random of a rope of which a camera that stands near its last end sees more there, with noise."""
+    rng, x = np.random.default_rng(seed), fill_tube(nodes, rope.radius_m, 1600)
+    nearest = np.linalg.norm(x[:, None, :2] - nodes[None, :, :2], axis=2).argmin(1)
+    chance = times ** (nearest / (len(nodes) - 1))
+    x = x[rng.choice(len(x), 400, replace=False, p=chance / chance.sum())]
+    return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("times", [2.0, 3.0])
+@pytest.mark.parametrize(
+    "rope", [ROPE, RopeShape(count=49, rest_m=0.0125, radius_m=0.005)], ids=["as in the task", "longer and thinner"]
+)
+def test_a_cloud_that_is_denser_towards_a_camera_does_not_move_the_nodes_there(rope: RopeShape, times: float) -> None:
+    errors = list[float]()
+    for seed in range(8):
+        nodes = random_curve(
+            np.random.default_rng(seed),
+            length_m=rope.length_m,
+            height_m=rope.radius_m,
+            workspace=Workspace(),
+            min_gap_m=5 * rope.radius_m,
+            points=rope.count,
+        )
+        errors.append(distance(trace(denser_at_an_end(nodes, rope, times, seed), rope).line, nodes[:, :2]))
+    assert np.median(errors) < 0.01 * rope.length_m
+
+
 # Invariance.
 
 
