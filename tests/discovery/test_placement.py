@@ -50,6 +50,17 @@ def test_one_elsewhere_is_moved_to_the_middle_and_not_turned() -> None:
     assert centre(here, SUBJECT).pushes is here.pushes
 
 
+def test_one_that_reaches_beyond_the_table_is_told_where_it_was_however_often_it_is_moved() -> None:
+    first, *others = elsewhere().pushes
+    far_off = first.command.with_positions(first.command.positions + np.array([1.0, 0.0, 0.0]))
+    here = centre(replace(GOOD, pushes=(replace(first, command=far_off, measured=far_off), *others)), SUBJECT)
+    again = centre(here, SUBJECT)
+    assert again.pushes is not here.pushes
+    assert again.origin_m == pytest.approx(here.origin_m, abs=0.011)
+    where = again.pushes[1].command.positions + np.array([*again.origin_m, 0.0])
+    np.testing.assert_allclose(where, others[0].command.positions, atol=1e-9)
+
+
 def test_what_is_drawn_is_moved_back(tmp_path: Path) -> None:
     case, shift = a_set(), np.array([*ORIGIN_M, 0.0])
     told = move_back(replace(case, setup=setup_of(subject_of(load("rope_push@rods"))), origin_m=ORIGIN_M), ORIGIN_M)

@@ -32,7 +32,8 @@ def centre(study: Study, subject: Subject) -> Study:
         return study
     middle = np.concatenate([push.before.points[:, :2] for push in study.pushes]).mean(0, dtype=np.float64)
     x, y = (middle - MIDDLE_M).round(_DIGITS).tolist()
-    return replace(_shift_study(study, np.array([-x, -y, 0.0])), origin_m=(x, y))
+    at_x, at_y = study.origin_m
+    return replace(_shift_study(study, np.array([-x, -y, 0.0])), origin_m=(at_x + x, at_y + y))
 
 
 def reach_m(study: Study, subject: Subject) -> tuple[float, float]:
