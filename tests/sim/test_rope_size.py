@@ -1,4 +1,4 @@
-"""Sizes of ropes of clouds that show their surface alone: the radius within its error, the length within 2 cm."""
+"""Sizes of ropes of clouds that show their surface alone: radius and length within their errors."""
 
 import numpy as np
 import pytest
@@ -30,4 +30,16 @@ def test_a_rope_seen_from_above_is_as_thick_as_is_said_and_about_as_long(
     found = rope_size([surface(rng, radius_m, noise_m, side_deg) for _ in range(6)])
     assert abs(found.radius_m - radius_m) < 2.5 * found.radius_sd_m
     assert found.radius_sd_m < 0.25 * radius_m
-    assert abs(found.length_m - LENGTH_M) < 0.02
+    assert abs(found.length_m - LENGTH_M) < min(2 * found.length_sd_m, 0.01)
+
+
+@pytest.mark.parametrize("noise_m", [0.0005, 0.0018])
+@pytest.mark.parametrize("beyond", [0.0, 2 / 3, 1.0])
+def test_whether_ends_are_cut_off_or_round_is_in_the_error_of_a_length_and_zigzag_is_not(
+    beyond: float, noise_m: float
+) -> None:
+    rng, radius_m = np.random.default_rng(1), 0.008
+    of_line_m = LENGTH_M - 2 * beyond * radius_m
+    found = rope_size([surface(rng, radius_m, noise_m, 90.0) for _ in range(6)])
+    assert abs(found.length_m - of_line_m) < 2 * found.length_sd_m
+    assert found.length_sd_m < radius_m

@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from app.core.types import Cloud
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.geometry.centreline import SMOOTHING, through, weigh_points
+from app.sim.rods.geometry.centreline import through, weigh_points
 from app.sim.rods.geometry.orders import shortest_orders
 from app.sim.rods.geometry.polyline import lengths, places, resample_polyline
 from app.sim.rods.geometry.rope_cloud import RopeShape
@@ -31,10 +31,13 @@ _SPACING_M, _SPOT_M = 0.008, 0.010
 _NODES: Final = 11, 129
 """Least and most nodes of a centreline, as of a rod."""
 _ROUNDS: Final = 6
-_ROUND_END: Final = 1 / 3
+_SMOOTHING: Final = 3.0
+"""Weight of squared second differences (`centreline.SMOOTHING`) in a line whose length counts: with less it goes zigzag
+between points beside the middle, and is 2 to 4 % longer than a surface that is seen at 0.5 to 1.8 mm, and not 0 to 1."""
+_ROUND_END: Final = 0.5
 """Length of a cloud beyond either end of its centreline, in radii: 0 of a rope that is cut off, 2/3 of a round end, 1
-of a surface. It is known no better than `_ROUND_END_SD`."""
-_ROUND_END_SD: Final = 0.5
+of its surface. It is known no better than `_ROUND_END_SD`, and of both ends alike."""
+_ROUND_END_SD: Final = 0.4
 _MEDIAN_TO_SD: Final = 1.4826
 """Normal numbers' standard deviation over the median of their sizes."""
 _TOP: Final = 0.98
@@ -74,7 +77,7 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
     found = np.array([length_of_cloud(cloud, radius) for cloud in chosen])
     return RopeSize(
         length_m=float(np.median(found)),
-        length_sd_m=float(np.hypot(_deviation(found), _ROUND_END_SD * radius)),
+        length_sd_m=float(np.hypot(_deviation(found), 2 * _ROUND_END_SD * radius)),
         radius_m=radius,
         radius_sd_m=radius_sd,
     )
@@ -146,7 +149,7 @@ def _trace_line(cloud: Cloud, radius_m: float) -> _Trace:
     for _ in range(_ROUNDS):
         along = places(line[None], about.at, _beyond(line, radius_m))[0]
         share = (along - along.min()) / max(float(np.ptp(along)), 1e-9)
-        line = resample_polyline(through(share * (count - 1), about, count, SMOOTHING)[0], count)
+        line = resample_polyline(through(share * (count - 1), about, count, _SMOOTHING)[0], count)
     segment_m = float(lengths(line[None])[0]) / (count - 1)
     along = places(line[None], about.at, _beyond(line, radius_m))[0]
     # So many points leave that much of a length beyond the first and the last of them.
