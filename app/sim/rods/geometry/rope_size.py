@@ -14,9 +14,9 @@ from threadpoolctl import ThreadpoolController
 
 from app.core.types import Cloud
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.geometry.centreline import through, weigh_points
+from app.sim.rods.geometry.centreline import SMOOTHING, through, weigh_points
 from app.sim.rods.geometry.orders import shortest_orders
-from app.sim.rods.geometry.polyline import lengths, places, resample_polyline
+from app.sim.rods.geometry.polyline import lengths, places, resample_polyline, turns
 from app.sim.rods.geometry.rope_cloud import RopeShape
 
 _BLAS = ThreadpoolController()
@@ -31,13 +31,14 @@ _SPACING_M, _SPOT_M = 0.008, 0.010
 _NODES: Final = 11, 129
 """Least and most nodes of a centreline, as of a rod."""
 _ROUNDS: Final = 6
-_SMOOTHING: Final = 3.0
-"""Weight of squared second differences (`centreline.SMOOTHING`) in a line whose length counts: with less it goes zigzag
-between points beside the middle, and is 2 to 4 % longer than a surface that is seen at 0.5 to 1.8 mm, and not 0 to 1."""
-_ROUND_END: Final = 0.5
+_SMOOTHING: Final = 2.0
+"""Weight of squared second differences (`centreline.SMOOTHING`) in a line whose length counts. With less it goes zigzag
+between points beside the middle, and is 2 to 4 % longer than a surface that is seen at 0.5 to 1.8 mm; with more, and
+here still of ropes that are folded, it cuts bends. So lengths are those of the straighter half of clouds."""
+_ROUND_END: Final = 0.4
 """Length of a cloud beyond either end of its centreline, in radii: 0 of a rope that is cut off, 2/3 of a round end, 1
 of its surface. It is known no better than `_ROUND_END_SD`, and of both ends alike."""
-_ROUND_END_SD: Final = 0.4
+_ROUND_END_SD: Final = 0.5
 _MEDIAN_TO_SD: Final = 1.4826
 """Normal numbers' standard deviation over the median of their sizes."""
 _TOP: Final = 0.98
@@ -74,18 +75,24 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
         raise ValueError("No cloud has enough points to say how large the rope is.")
     chosen = [usable[k] for k in np.unique(np.linspace(0, len(usable) - 1, _MOST_CLOUDS).round().astype(int))]
     radius, radius_sd = _radius_of(chosen) if radius_m is None else (radius_m, 0.0)
-    found = np.array([length_of_cloud(cloud, radius) for cloud in chosen])
+    traces = sorted((_trace_line(cloud, radius, _SMOOTHING) for cloud in chosen), key=lambda trace: trace.bend)
+    found = np.array([_without_ends(trace, radius) for trace in traces[: (len(traces) + 1) // 2]])
+    of_ends = 2 * float(np.hypot(_ROUND_END_SD * radius, _ROUND_END * radius_sd))
     return RopeSize(
         length_m=float(np.median(found)),
-        length_sd_m=float(np.hypot(_deviation(found), 2 * _ROUND_END_SD * radius)),
+        length_sd_m=float(np.hypot(_deviation(found), of_ends)),
         radius_m=radius,
         radius_sd_m=radius_sd,
     )
 
 
 def length_of_cloud(cloud: Cloud, radius_m: float) -> float:
-    """Length [m] of the centreline of a rope of this radius, without its round ends."""
-    return max(_trace_line(cloud, radius_m).length_m - 2 * _ROUND_END * radius_m, 0.0)
+    """Length [m] of the centreline of a rope of this radius, without its round ends: a little long, however it is bent."""
+    return _without_ends(_trace_line(cloud, radius_m), radius_m)
+
+
+def _without_ends(trace: "_Trace", radius_m: float) -> float:
+    return max(trace.length_m - 2 * _ROUND_END * radius_m, 0.0)
 
 
 def _radius_of(clouds: Sequence[Cloud]) -> tuple[float, float]:
@@ -130,13 +137,18 @@ class _Trace:
     line: Float64[np.ndarray, "n 2"]
     length_m: float
 
+    @property
+    def bend(self) -> float:
+        """Sum of its squared turns [rad^2], in proportion to its energy."""
+        return float(np.square(turns(self.line[None])).sum()) * (len(self.line) - 1) / self.length_m
+
     def beside(self, cloud: Cloud) -> Float64[np.ndarray, " N"]:
         """Distances of points from the line, seen from above [m]."""
         at = cloud[:, :2].astype(np.float64)
         return np.sqrt(places(self.line[None], at, _beyond(self.line, _THICKEST_M))[1][0])
 
 
-def _trace_line(cloud: Cloud, radius_m: float) -> _Trace:
+def _trace_line(cloud: Cloud, radius_m: float, smoothing: float = SMOOTHING) -> _Trace:
     """The line through the points in the order of the shortest path along them."""
     few = cloud if len(cloud) <= _MOST_POINTS else cloud[:: len(cloud) // _MOST_POINTS + 1]
     nodes = centreline_weights(arclength_labels(few), _ORDER_NODES) @ few
@@ -149,7 +161,7 @@ def _trace_line(cloud: Cloud, radius_m: float) -> _Trace:
     for _ in range(_ROUNDS):
         along = places(line[None], about.at, _beyond(line, radius_m))[0]
         share = (along - along.min()) / max(float(np.ptp(along)), 1e-9)
-        line = resample_polyline(through(share * (count - 1), about, count, _SMOOTHING)[0], count)
+        line = resample_polyline(through(share * (count - 1), about, count, smoothing)[0], count)
     segment_m = float(lengths(line[None])[0]) / (count - 1)
     along = places(line[None], about.at, _beyond(line, radius_m))[0]
     # So many points leave that much of a length beyond the first and the last of them.
