@@ -87,7 +87,7 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
 
 
 def length_of_cloud(cloud: Cloud, radius_m: float) -> float:
-    """Length [m] of the centreline of a rope of this radius, without its round ends: a little long, however it is bent."""
+    """Length [m] of the centreline of a rope of this radius, without its round ends: a bit long, however it is bent."""
     return _without_ends(_trace_line(cloud, radius_m), radius_m)
 
 
