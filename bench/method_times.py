@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 
+from app.commands._named import full_name
 from app.config import Site
 from app.jobs import jit_cache
 from app.jobs.worker_api import choose_preset
@@ -52,7 +53,7 @@ def main(
 ) -> None:
     """Print a table: seconds of the first method's decision, and the others' as multiples of it."""
     size, rows = preset if preset != "auto" else choose_preset(), list[list[str]]()
-    for name in task or [f"{each}-hard" for each in names()]:
+    for name in task or [full_name(each, dynamics=None, problems="hard") for each in names()]:
         taken = np.array(times(name, methods, size, repeats))
         rows.append([name, f"{taken[0]:.2f} s", *(f"{ratio:.2f}" for ratio in taken[1:] / taken[0])])
         print(" ".join(rows[-1]), flush=True)

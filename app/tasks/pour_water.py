@@ -1,7 +1,7 @@
 """Pouring water from a bowl in the hand into one on the table (paper, Pour-Water).
 
 The paper's 6-D actions of 100 steps are planned ten steps at a time: a decision holds one velocity and rate of turning
-for half a second, and then waits for what flows. So an episode has about ten decisions, and few begin in a splash.
+for half a second, and then waits for what flows. So an episode has about ten decisions.
 """
 
 from dataclasses import replace
@@ -39,7 +39,7 @@ HOME_M = (0.34, 0.0, 0.25)
 FAR_M, FILLED = 0.60, 0.90
 """Hard problems: the x of the other bowl, and the share of it that all of the liquid would fill."""
 EBB_S = 1.5
-"""Hard problems: the time in which nearly all has run out that an action pours, in the model as in the cell."""
+"""Hard problems: the time in which most of what an action pours has run out, in the model as in the cell."""
 MARKS, WITHIN, SURELY = (0.35, 0.80), 0.06, 0.04
 """Hard problems: the share of it that shall be poured, how near to that counts, and what has to be seen."""
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.

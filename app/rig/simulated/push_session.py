@@ -130,7 +130,7 @@ class PushSession:
         during = self._watch(world, made, command, measured)
         if self._testbed.holds:
             self._last = _pose(command, command.end_s)
-            _wait(world, world.time_s + _REST_S)
+            _wait(world, world.time_s + max(_REST_S, self.task.stage.settle_s))
         else:
             _withdraw(world)
         take = PushSample(

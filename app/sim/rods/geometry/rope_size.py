@@ -35,6 +35,11 @@ _SMOOTHING: Final = 2.0
 """Weight of squared second differences (`centreline.SMOOTHING`) in a line whose length counts. With less it goes zigzag
 between points beside the middle, and is 2 to 4 % longer than a surface that is seen at 0.5 to 1.8 mm; with more, and
 here still of ropes that are folded, it cuts bends. So lengths are those of the straighter half of clouds."""
+_BEYOND: Final = 0.01
+"""Share of points beyond either place from which the length is extrapolated: noise moves the very last ones outward."""
+_SHORTER: Final = 0.85
+"""Length of a cloud, in those of the longer quarter, below which it is folded on itself: seen as one strand, a hairpin
+would be the straightest of all. Another that is as much longer than these is not of the rope alone."""
 _ROUND_END: Final = 0.4
 """Length of a cloud beyond either end of its centreline, in radii: 0 of a rope that is cut off, 2/3 of a round end, 1
 of its surface. It is known no better than `_ROUND_END_SD`, and of both ends alike."""
@@ -75,8 +80,8 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
         raise ValueError("No cloud has enough points to say how large the rope is.")
     chosen = [usable[k] for k in np.unique(np.linspace(0, len(usable) - 1, _MOST_CLOUDS).round().astype(int))]
     radius, radius_sd = _radius_of(chosen) if radius_m is None else (radius_m, 0.0)
-    traces = sorted((_trace_line(cloud, radius, _SMOOTHING) for cloud in chosen), key=lambda trace: trace.bend)
-    found = np.array([_without_ends(trace, radius) for trace in traces[: (len(traces) + 1) // 2]])
+    traces = _unfolded([_trace_line(cloud, radius, _SMOOTHING) for cloud in chosen])
+    found = np.array([_without_ends(trace, radius) for trace in traces])
     of_ends = 2 * float(np.hypot(_ROUND_END_SD * radius, _ROUND_END * radius_sd))
     return RopeSize(
         length_m=float(np.median(found)),
@@ -89,6 +94,13 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
 def length_of_cloud(cloud: Cloud, radius_m: float) -> float:
     """Length [m] of the centreline of a rope of this radius, without its round ends: a bit long, however it is bent."""
     return _without_ends(_trace_line(cloud, radius_m), radius_m)
+
+
+def _unfolded(traces: Sequence["_Trace"]) -> list["_Trace"]:
+    """The straighter half of those that are as long as most of a rope's clouds that do not touch themselves."""
+    usual_m = float(np.quantile([trace.length_m for trace in traces], 0.75))
+    alike = [trace for trace in traces if _SHORTER * usual_m <= trace.length_m <= usual_m / _SHORTER] or list(traces)
+    return sorted(alike, key=lambda trace: trace.bend)[: (len(alike) + 1) // 2]
 
 
 def _without_ends(trace: "_Trace", radius_m: float) -> float:
@@ -140,7 +152,7 @@ class _Trace:
     @property
     def bend(self) -> float:
         """Sum of its squared turns [rad^2], in proportion to its energy."""
-        return float(np.square(turns(self.line[None])).sum()) * (len(self.line) - 1) / self.length_m
+        return float(np.square(turns(self.line[None])).sum()) * (len(self.line) - 1) / max(self.length_m, _LEAST_SD_M)
 
     def beside(self, cloud: Cloud) -> Float64[np.ndarray, " N"]:
         """Distances of points from the line, seen from above [m]."""
@@ -164,8 +176,7 @@ def _trace_line(cloud: Cloud, radius_m: float, smoothing: float = SMOOTHING) -> 
         line = resample_polyline(through(share * (count - 1), about, count, smoothing)[0], count)
     segment_m = float(lengths(line[None])[0]) / (count - 1)
     along = places(line[None], about.at, _beyond(line, radius_m))[0]
-    # So many points leave that much of a length beyond the first and the last of them.
-    length_m = segment_m * float(np.ptp(along)) * (1 + 2 / len(few))
+    length_m = segment_m * float(np.diff(np.quantile(along, [_BEYOND, 1 - _BEYOND]))[0]) / (1 - 2 * _BEYOND)
     return _Trace(line=line + about.origin, length_m=length_m)
 
 
