@@ -15,7 +15,7 @@ from app.config import Site
 from app.jobs import jit_cache
 from app.jobs.worker_api import choose_preset
 from app.planner.base import Planner
-from app.planner.method import PAPER, Method
+from app.planner.method import ABLATIONS, PAPER, Method
 from app.planner.planner_factory import make_planner
 from app.planner.search.request import PlanRequest
 from app.rig.simulated.lockstep import LockStep
@@ -27,7 +27,7 @@ METHODS = (PAPER, "no_policy", "no_optimisation", "cem_mpc", "diff_cem_mpc", "mp
 
 def method_of(name: str) -> Method:
     """The planner, or the ablation of the paper's, of this name."""
-    return Method.of(ablation=name) if name.startswith("no_") else Method(planner=name)
+    return Method.of(ablation=name) if name in ABLATIONS else Method(planner=name)
 
 
 def times(task: str, methods: Sequence[str], preset: str, repeats: int) -> list[float]:

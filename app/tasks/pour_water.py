@@ -38,7 +38,7 @@ PARTICLES = 300
 HOME_M = (0.34, 0.0, 0.25)
 FAR_M, FILLED = 0.60, 0.90
 """Hard problems: the x of the other bowl, and the share of it that all of the liquid would fill."""
-EBB_S = 1.5
+SETTLE_S = 1.5
 """Hard problems: the time in which most of what an action pours has run out, in the model as in the cell."""
 MARKS, WITHIN, SURELY = (0.35, 0.80), 0.06, 0.04
 """Hard problems: the share of it that shall be poured, how near to that counts, and what has to be seen."""
@@ -74,10 +74,10 @@ def _hard(task: Task) -> Task:
     apart_m = float(np.linalg.norm(np.subtract(rest_m, narrow.place_m)))
     return replace(
         task,
-        stage=replace(task.stage, fixtures=(narrow,), settle_s=EBB_S),
+        stage=replace(task.stage, fixtures=(narrow,), settle_s=SETTLE_S),
         perception=replace(task.perception, standing=(Vessel(radius_m=radius_m, place_m=narrow.place_m),)),
         scene=pouring_scene(body, HELD, narrow, particle_count=PARTICLES),
-        actions=replace(task.actions, low=(x, y, lowest_m), rest_substeps=ceil(EBB_S / task.scene.dt_s)),
+        actions=replace(task.actions, low=(x, y, lowest_m), rest_substeps=ceil(SETTLE_S / task.scene.dt_s)),
         policy=replace(policy, height_m=lowest_m, mark=bowl),
         weights=replace(task.weights, distance=ToMark(bowl=bowl, apart_m=apart_m)),
         problems=FillingProblems(

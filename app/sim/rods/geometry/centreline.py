@@ -36,9 +36,9 @@ SMOOTHING = 0.2
 keep 0.81 of their height, of 8 nodes 0.93, and particles of a thick rope do not bend its middle."""
 _BALANCE = (1.0, 0.3)
 """Share of the balanced place, beside that of the nearest point, in the first and in the last round."""
-_CHANCE, _THINNEST = 0.5, 0.25
-"""Variance of an even cloud's density, in that of points at random places, and the least density that is believed."""
-_LEVELLED, _LEVELLING = 2, 0.5
+_SLOPE_VARIANCE, _LEAST_DENSITY = 0.5, 0.25
+"""Variance of the slope of an even cloud's density, in that of points at random; least density, 1 in the mean."""
+_TRIED_UNEVEN, _UNEVEN_COST = 2, 0.5
 """Number of the best lines for which a cloud may be uneven, and the cost of that. It explains clouds that are even, as
 reconstructions are, by 0.06 at most better, random points of an even rope by up to 1.6, one in twenty by more than 0.5,
 and points of a rope that is twice as dense at one end mostly by 2 to 12."""
@@ -101,11 +101,11 @@ class Trace:
 
 @final
 class _Fits(NamedTuple):
-    """Lines (K, n, 2), how badly each explains the cloud, and whether it does so of a levelled one."""
+    """Lines (K, n, 2), how badly each explains the cloud, and whether the cloud was taken for uneven."""
 
     lines: Float64[np.ndarray, "K n 2"]
     scores: Float64[np.ndarray, " K"]
-    levelled: Bool[np.ndarray, " K"]
+    uneven: Bool[np.ndarray, " K"]
 
     def by_score(self) -> "_Fits":
         """The best first, without non-finite ones."""
@@ -139,7 +139,7 @@ def _trace(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     fits = _fit(np.stack(starts), cloud, rope, near).by_score()
     if len(fits.lines) > 1 or strands_touch(fits.lines[0], rope):
         fits = _with_reconnections(fits, cloud, rope, near)
-    lines = _refine(fits.lines, cloud, rope, fits.levelled)
+    lines = _refine(fits.lines, cloud, rope, fits.uneven)
     return Trace(lines=_orient(lines + cloud.origin, near), scores=fits.scores, cloud=cloud, rope=rope)
 
 
@@ -148,9 +148,9 @@ def settle(x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> Floa
     """Centreline [m] through particles `x` that run in the order of `line`, found as `trace` finds it in the end."""
     cloud = weigh_points(x, rope)
     lines = of_equal_steps(line[None] - cloud.origin, rope.rest_m)
-    levelled = np.array([False, True])
-    either = _refine(np.repeat(lines, 2, axis=0), cloud, rope, levelled)
-    return either[(_finite(_scores(either, cloud, rope, None)) + _LEVELLING * levelled).argmin()] + cloud.origin
+    uneven = np.array([False, True])
+    either = _refine(np.repeat(lines, 2, axis=0), cloud, rope, uneven)
+    return either[(_scores(either, cloud, rope, None) + _UNEVEN_COST * uneven).argmin()] + cloud.origin
 
 
 def weigh_points(x: Points, rope: RopeShape) -> Weighted:
@@ -186,12 +186,12 @@ def balance_places(
     share: Float64[np.ndarray, " N"],
     rope: RopeShape,
     balance: float,
-    levelled: Bool[np.ndarray, " K"] | None = None,
+    uneven: Bool[np.ndarray, " K"] | None = None,
 ) -> Float64[np.ndarray, "K N"]:
     """Places such that equal lengths hold equal volumes, holes left out, as far as `balance` says (0..1).
 
-    Beyond that places are stretched so that the first and the last particle are at the ends. `levelled`: the lines of
-    which particles stand for less where the cloud gets gradually denser, as towards a camera.
+    Beyond that places are stretched so that the first and the last particle are at the ends. `uneven`: the lines along
+    which density may grow, as towards a camera; particles are then weighted by its inverse.
     """
     last, count = rope.count - 1, along.shape[1]
     order = np.argsort(along, axis=1, kind="stable")
@@ -202,10 +202,10 @@ def balance_places(
     holes *= np.minimum(all_holes, last / 2) / np.maximum(all_holes, 1e-9)
     before = np.pad(np.cumsum(holes, axis=1), ((0, 0), (1, 0)))
     filled = last - before[:, -1:]
-    if levelled is not None and levelled.any():
+    if uneven is not None and uneven.any():
         middle = np.clip(2 * (at - before) / filled - 1, -1.0, 1.0)
-        level = each / np.maximum(1 + _density_slope(middle, each) * middle, _THINNEST)
-        each = np.where(levelled[:, None], level / level.sum(1, keepdims=True), each)
+        weight = each / np.maximum(1 + _density_slope(middle, each) * middle, _LEAST_DENSITY)
+        each = np.where(uneven[:, None], weight / weight.sum(1, keepdims=True), each)
     even = (np.cumsum(each, 1) - each / 2) * filled + before
     end, width = last / (2 * count), np.maximum(at[:, -1:] - at[:, :1], 1e-9)
     stretched = end + (at - at[:, :1]) / width * (last - 2 * end)
@@ -214,15 +214,15 @@ def balance_places(
     return result
 
 
-def _density_slope(places: Float64[np.ndarray, "K N"], share: Float64[np.ndarray, "K N"]) -> Float64[np.ndarray, "K 1"]:
-    """Slope of a cloud's density, 1 + slope x place, over the places (-1 to 1) of its points along each line.
+def _density_slope(at: Float64[np.ndarray, "K N"], share: Float64[np.ndarray, "K N"]) -> Float64[np.ndarray, "K 1"]:
+    """Slope of a cloud's density, 1 + slope x place, over the places `at` (-1 to 1) of its points along each line.
 
     Three times the mean place, the first coefficient of a series of Legendre polynomials, shrunk by the variance that
     it has in an even cloud (Wiener 1949, "Extrapolation, interpolation, and smoothing of stationary time series"). The
     second coefficient, more at both ends than in the middle, is that of round ends.
     """
-    slope = 3 * (share * np.clip(places, -1.0, 1.0)).sum(1, keepdims=True)
-    chance = 3 * _CHANCE * np.square(share).sum(1, keepdims=True)
+    slope = 3 * (share * at).sum(1, keepdims=True)
+    chance = 3 * _SLOPE_VARIANCE * np.square(share).sum(1, keepdims=True)
     return slope**3 / (slope**2 + chance)
 
 
@@ -275,39 +275,39 @@ def _with_reconnections(
 def _fit(
     starts: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None
 ) -> _Fits:
-    """Lines that begin at `starts`, fitted to the cloud as it is or, the best, levelled where that explains it better.
+    """Lines from `starts`, fitted to an even cloud or, the best, to an uneven one where that explains it better.
 
     A line that has slid along the rope sees a density that is not there, and a line that is right one that is.
     """
     lines = _fit_lines(starts, cloud, rope, np.zeros(len(starts), bool))
-    scores, levelled = _finite(_scores(lines, cloud, rope, near)), np.zeros(len(starts), bool)
-    best = np.argsort(scores, kind="stable")[:_LEVELLED]
+    scores, uneven = _scores(lines, cloud, rope, near), np.zeros(len(starts), bool)
+    best = np.argsort(scores, kind="stable")[:_TRIED_UNEVEN]
     others = _fit_lines(starts[best], cloud, rope, np.ones(len(best), bool))
-    costs = _finite(_scores(others, cloud, rope, near)) + _LEVELLING
+    costs = _scores(others, cloud, rope, near) + _UNEVEN_COST
     better = costs < scores[best]
     at = best[better]
-    lines[at], scores[at], levelled[at] = others[better], costs[better], True
-    return _Fits(lines, scores, levelled)
+    lines[at], scores[at], uneven[at] = others[better], costs[better], True
+    return _Fits(lines, scores, uneven)
 
 
 def _fit_lines(
-    lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, levelled: Bool[np.ndarray, " K"]
+    lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, uneven: Bool[np.ndarray, " K"]
 ) -> Float64[np.ndarray, "K n 2"]:
     lines = of_equal_steps(lines, rope.rest_m)
     for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
-        along = balance_places(places(lines, cloud.at)[0], cloud.share, rope, balance, levelled)
+        along = balance_places(places(lines, cloud.at)[0], cloud.share, rope, balance, uneven)
         lines = of_equal_steps(through(along, cloud, rope.count, smoothing), rope.rest_m, 2)
     return of_equal_steps(lines, rope.rest_m)
 
 
 def _refine(
-    lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, levelled: Bool[np.ndarray, " K"]
+    lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, uneven: Bool[np.ndarray, " K"]
 ) -> Float64[np.ndarray, "K n 2"]:
     """Lines without the round ends of the rope, which hypotheses reach into by cutting bends."""
     beyond = np.zeros(len(lines))
     for _ in range(_REFINING_ROUNDS):
         near = places(lines, cloud.at, rope.beyond)[0]
-        along = balance_places(near, cloud.share, rope, _BALANCE[1], levelled)
+        along = balance_places(near, cloud.share, rope, _BALANCE[1], uneven)
         free = through(_stretch(along, beyond, rope), cloud, rope.count, SMOOTHING)
         lines, beyond = of_equal_steps(free, rope.rest_m, 2), _beyond(beyond, free, rope)
     return of_equal_steps(lines, rope.rest_m)
@@ -334,7 +334,7 @@ def _stretch(
 def _scores(
     lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None
 ) -> Float64[np.ndarray, " K"]:
-    """Costs of the lines: how badly tubes about them explain the cloud, as far as lines differ."""
+    """Costs of the lines: how badly tubes about them explain the cloud, as far as they differ; infinite, not NaN."""
     r, along_m = rope.radius_m, rope.rest_m / rope.radius_m
     along, squared = places(lines, cloud.at)
     bins = max(8, round(rope.length_m / (2.5 * r)))
@@ -353,12 +353,9 @@ def _scores(
         "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
     }
     total = np.sum([_WEIGHTS[name] * value for name, value in terms.items()], axis=0)
-    return total if near is None else total + _cost_of_distance(lines, near - cloud.origin, rope)
-
-
-def _finite(scores: Float64[np.ndarray, " K"]) -> Float64[np.ndarray, " K"]:
-    """Scores, infinite where they are not numbers."""
-    return np.nan_to_num(scores, nan=np.inf, posinf=np.inf)
+    if near is not None:
+        total += _cost_of_distance(lines, near - cloud.origin, rope)
+    return np.nan_to_num(total, nan=np.inf, posinf=np.inf)
 
 
 def _cost_of_distance(

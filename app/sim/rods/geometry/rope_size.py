@@ -35,7 +35,7 @@ _SMOOTHING: Final = 2.0
 """Weight of squared second differences (`centreline.SMOOTHING`) in a line whose length counts. With less it goes zigzag
 between points beside the middle, and is 2 to 4 % longer than a surface that is seen at 0.5 to 1.8 mm; with more, and
 here still of ropes that are folded, it cuts bends. So lengths are those of the straighter half of clouds."""
-_BEYOND: Final = 0.01
+_TRIMMED: Final = 0.01
 """Share of points beyond either place from which the length is extrapolated: noise moves the very last ones outward."""
 _SHORTER: Final = 0.85
 """Length of a cloud, in those of the longer quarter, below which it is folded on itself: seen as one strand, a hairpin
@@ -176,7 +176,7 @@ def _trace_line(cloud: Cloud, radius_m: float, smoothing: float = SMOOTHING) -> 
         line = resample_polyline(through(share * (count - 1), about, count, smoothing)[0], count)
     segment_m = float(lengths(line[None])[0]) / (count - 1)
     along = places(line[None], about.at, _beyond(line, radius_m))[0]
-    length_m = segment_m * float(np.diff(np.quantile(along, [_BEYOND, 1 - _BEYOND]))[0]) / (1 - 2 * _BEYOND)
+    length_m = segment_m * float(np.diff(np.quantile(along, [_TRIMMED, 1 - _TRIMMED]))[0]) / (1 - 2 * _TRIMMED)
     return _Trace(line=line + about.origin, length_m=length_m)
 
 
