@@ -39,7 +39,7 @@ _GUESSED: Final = 0.3
 _EDGES_M: Final = 6e-3
 _ACROSS_M: Final = 5e-4
 """Errors of the lengths and radii that images show: depth is blurred at edges. Measured in the simulated cell, where
-ropes of 25, 40 and 60 cm seem 2 to 4 mm too long, and radii of 5, 8 and 10 mm 0.4 to 0.7 mm too small."""
+ropes of 25, 40 and 60 cm seem 2 to 6 mm too long, and radii of 5, 8 and 10 mm 0.4 to 0.7 mm too small."""
 _PIECE_M: Final = 1.5e-3
 _SIDE_M: Final = 4e-3
 """The same of pieces and sheets: beans of 10 mm seem 12 mm wide, cloths of 20 and 25 cm 5 mm too large."""
