@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from app.config import Workspace
+from app.core.errors import SimulationError
 from app.core.geometry.scene_description import RopeModel, Stage
 from app.policy.random_pushes import PushDesign
 from app.rig.simulated.kinds import kind_of
+from app.rig.simulated.worlds.engine import advance, mujoco, new_spec
 from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import load
@@ -264,3 +266,17 @@ def test_effects_are_not_hidden_in_a_cable_and_a_rigid_rod_is_none() -> None:
         hiding_world(injected("plastic_yield", 0.03), physics=ROPE_WORLDS["cable"])
     with pytest.raises(ValueError, match="rigid rope is a chain"):
         RopeWorld(dataclasses.replace(ROPE, rigid=True), FINGER, straight_rope(), physics=ROPE_WORLDS["cable"])
+
+
+def test_a_world_that_becomes_unstable_is_an_error_and_does_not_begin_anew() -> None:
+    spec = new_spec(WorldPhysics())
+    ball = spec.worldbody.add_body()
+    ball.add_freejoint()
+    ball.add_geom(size=[0.1, 0.0, 0.0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.time = 2.0
+    advance(model, data)
+    data.qvel[0] = 1e20
+    with pytest.raises(SimulationError, match=r"after 2\.0 s"):
+        advance(model, data)

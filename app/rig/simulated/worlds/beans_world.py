@@ -12,7 +12,7 @@ from app.core.types import ToolPose
 from app.rig.simulated.bodies.loose_beans import LooseBeans
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.effect_injector import Intrusion
-from app.rig.simulated.worlds.engine import TOOL, mujoco, new_spec
+from app.rig.simulated.worlds.engine import TOOL, advance, mujoco, new_spec
 from app.rig.simulated.worlds.physics import BEAN_WORLD, HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.worlds.world import Nodes, Snapshot
 
@@ -91,7 +91,7 @@ class BeansWorld:
             self._data.qvel[:3] = (start[:3] + share * way - self._data.qpos[:3]) / period
             self._data.qvel[3:6] = _difference(due, self._data.qpos[3:7]) / period
             self.intrusion.act()
-            mujoco.mj_step(self._model, self._data)
+            advance(self._model, self._data)
 
     def place(self, tool: ToolPose) -> None:
         """Move the paddle to `tool` without contact on the way; no time passes."""

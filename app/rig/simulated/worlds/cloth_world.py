@@ -18,7 +18,7 @@ from app.core.types import ToolPose
 from app.rig.simulated.bodies.cloth_knots import ClothKnots
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.effect_injector import Intrusion
-from app.rig.simulated.worlds.engine import TOOL, mujoco, new_spec
+from app.rig.simulated.worlds.engine import TOOL, advance, mujoco, new_spec
 from app.rig.simulated.worlds.physics import CLOTH_WORLD, HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.worlds.sleep_detection import Rest
 from app.rig.simulated.worlds.world import Nodes, Snapshot
@@ -107,7 +107,7 @@ class ClothWorld:
             self._data.qvel[self._own] = (due - self._data.qpos[self._own]) / period
             self._grasp(opening_m=2 * due[-1])
             self.intrusion.act()
-            mujoco.mj_step(self._model, self._data)
+            advance(self._model, self._data)
         self._rest.watch(before, self.nodes(), steps * period)
 
     def place(self, tool: ToolPose) -> None:

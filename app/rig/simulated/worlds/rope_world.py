@@ -15,7 +15,7 @@ from app.rig.simulated.bodies.rope_segments import RopeSegments
 from app.rig.simulated.worlds.arm_model import solve_joints
 from app.rig.simulated.worlds.cable import Cable
 from app.rig.simulated.worlds.effect_injector import Intrusion
-from app.rig.simulated.worlds.engine import TOOL, mujoco, new_spec
+from app.rig.simulated.worlds.engine import TOOL, advance, mujoco, new_spec
 from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
 from app.rig.simulated.worlds.world import Snapshot
@@ -89,7 +89,7 @@ class RopeWorld:
             due = start + (tool[:3] - start) * (step / steps)
             self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
             self.intrusion.act()
-            mujoco.mj_step(self._model, self._data)
+            advance(self._model, self._data)
 
     def place(self, tool: Float64[np.ndarray, " _"]) -> None:
         """Move the tip to `tool` without contact on the way; no time passes."""
