@@ -5,15 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.discovery.inference.decide import without_rivals
 from app.discovery.inference.held_out import (
     HeldOutGain,
     earned_by_either,
+    held_out_gain,
     held_out_gain_of_linear,
     is_earned,
     trimmed_mean,
 )
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
+from app.jobs.discovery_subject import subject_of
+from app.tasks import load
+from tests.discovery.exact import exact_model
 from tests.discovery.made_up import ALL, K, R, screening
 
 
@@ -50,6 +55,30 @@ def test_a_cause_that_another_does_nearly_alike_is_asked_about_without_it() -> N
     confused, alone = held_out_gain_of_linear(alike, suspect), held_out_gain_of_linear(alike, suspect, [1, 2])
     assert alone.gain > 2 * max(confused.gain, 0.0)
     assert is_earned(alone)
+
+
+def test_a_second_error_of_the_arm_is_earned_although_the_model_of_the_first_could_learn_it() -> None:
+    task = load("rope_push")
+    subject = subject_of(task)
+    known = subject.catalogue()
+    one = exact_model(subject, known, ("under_reach",), {"under_reach": 0.02})
+    both = exact_model(subject, known, ("under_reach", "actuator_lag"), {"under_reach": 0.02, "actuator_lag": 0.03})
+    data = replace(both.data, r=both.data.r + 0.5 * both.data.J[:, :, -1])
+    # What the first model has of the second: a column that is nearly held at nothing.
+    variance = np.append(np.ones(both.own - 1), 1e-2)
+    one = replace(one, data=data, prior=replace(both.prior, variance=variance), steps=both.steps, own=both.own - 1)
+    both = replace(both, data=data)
+    learnt = held_out_gain((one.data, one.prior), both)
+    alone, larger = (without_rivals(known, each, "actuator_lag") for each in (one, both))
+    assert not is_earned(learnt)
+    assert is_earned(held_out_gain((alone.data, alone.prior), larger))
+
+
+def test_a_further_cause_of_physics_is_compared_with_what_the_simulator_usually_seems_to_have() -> None:
+    subject = subject_of(load("rope_push"))
+    known = subject.catalogue()
+    model = exact_model(subject, known, ("under_reach",), {"under_reach": 0.02})
+    assert np.array_equal(without_rivals(known, model, "table_tilt").prior.variance, model.prior.variance)
 
 
 def test_a_cause_that_is_absent_does_not() -> None:

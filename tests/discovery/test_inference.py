@@ -1,10 +1,12 @@
 """Evidence on made-up residuals whose truth is known: sizes, false alarms, outliers, episodes that hang together."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from app.discovery.inference import mixed_effects
 from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.weighing import CALIBRATED, ModelComparison, Prior, dispersion, weigh
 from app.discovery.residuals.rows import Block, Residuals
@@ -67,6 +69,30 @@ def test_pushes_that_nothing_predicts_change_little() -> None:
     theta[5] = 1.0
     clean, wild = (fit_mixed_effects(made(3, theta, outliers=share), VARIANCE).theta for share in (0.0, 0.2))
     np.testing.assert_allclose(wild, clean, atol=0.05)
+
+
+@pytest.mark.parametrize("spread", [0.0, 2.0])
+def test_a_fit_begun_where_another_ended_stays_there(spread: float) -> None:
+    data = made(4, np.full(P, 0.3), outliers=0.1, spread=spread)
+    fit = fit_mixed_effects(data, VARIANCE)
+    again = fit_mixed_effects(data, VARIANCE, starts=(fit.covariances,))
+    assert again.log_likelihood == pytest.approx(fit.log_likelihood, abs=0.05)
+    np.testing.assert_allclose(again.theta, fit.theta, atol=1e-3)
+    np.testing.assert_allclose(np.diag(again.covariances[0]), np.diag(fit.covariances[0]), rtol=5e-3)
+
+
+def test_where_rounds_cannot_be_extrapolated_plain_ones_end_at_the_same_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = made(5, np.full(P, 0.3), outliers=0.1, spread=1.0)
+    fit = fit_mixed_effects(data, VARIANCE)
+
+    def lost(change: Callable[[np.ndarray], np.ndarray], start: np.ndarray, **_: object) -> np.ndarray:
+        change(start)
+        return change(np.full_like(start, np.nan))
+
+    monkeypatch.setattr(mixed_effects, "anderson", lost)
+    plain = fit_mixed_effects(data, VARIANCE)
+    assert plain.log_likelihood == pytest.approx(fit.log_likelihood, abs=0.05)
+    np.testing.assert_allclose(plain.theta, fit.theta, atol=1e-3)
 
 
 def test_episodes_that_hang_together_temper_the_evidence() -> None:

@@ -8,7 +8,7 @@ several rounds finds some of them where nothing is. Either counts as far as deve
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias, final
 
 import numpy as np
@@ -28,7 +28,7 @@ from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import Z90, weigh
 from app.discovery.residuals.forces import FORMULA
 from app.discovery.residuals.predict import Predictor
-from app.discovery.residuals.sensitivity import apply_step, hypotheses_of
+from app.discovery.residuals.sensitivity import Step, apply_step, hypotheses_of
 from app.discovery.residuals.simulation_batch import SimulationBatch
 
 TEMPERATURE = 2.0
@@ -56,6 +56,7 @@ _AT_END = 0.05
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
 _MOST = 3
+_APPARATUS = "sensing", "actuation"
 _ASKED = 2
 """Candidates for a further cause that are refitted."""
 ENOUGH = CHANCE + _ROUGH
@@ -127,11 +128,24 @@ def rivals_of(catalogue: Catalogue, screening: Screening, suspect: CandidateCaus
 
     Physics have no such rivals: there, what causes usually seem to be are the simulator's own errors.
     """
+    return _rivals(catalogue, screening.steps, suspect.cause)
+
+
+def without_rivals(catalogue: Catalogue, model: RefinedModel, further: str) -> RefinedModel:
+    """The model without the other errors of cameras and arm, where a `further` cause is one.
+
+    A model that may have a little of it learns all of it from the other episodes, and nothing more can be gained.
+    """
+    rivals = [n for n in _rivals(catalogue, model.steps, further) if n >= model.own]
+    return replace(model, prior=model.prior.without(rivals))
+
+
+def _rivals(catalogue: Catalogue, steps: Sequence[Step], cause: str) -> list[int]:
+    """Steps of errors of cameras and arm, where a cause is one."""
     families = {cause.name: cause.family for cause in catalogue.causes}
-    apparatus = ("sensing", "actuation")
-    if families[suspect.cause] not in apparatus:
+    if families[cause] not in _APPARATUS:
         return []
-    return [n for n, step in enumerate(screening.steps) if families.get(step.cause) in apparatus]
+    return [n for n, step in enumerate(steps) if families.get(step.cause) in _APPARATUS]
 
 
 def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[CandidateCause]:
@@ -237,7 +251,8 @@ def _add_causes(
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
-        gained = held_out_gain((best.data, best.prior), better)
+        simpler, larger = (without_rivals(predictor.catalogue, each, better.causes[-1]) for each in (best, better))
+        gained = held_out_gain((simpler.data, simpler.prior), larger)
         if not is_earned(gained):
             return best
         best = _without_needless(better, [best, *singles])
