@@ -72,4 +72,4 @@ def _either(
     """Nodes after a push of the same rope by two models; NaN where time steps failed."""
     both, tools = jax.tree.map(partial(jnp.repeat, repeats=2, axis=0), state), jnp.repeat(tool[None], 2, axis=0)
     end = simulate(phi, both, tools)
-    return jnp.where(is_flung(both.x, end.x, tools)[:, None, None], jnp.nan, end.centreline)
+    return jnp.where(is_flung(both.x, end.x, tools[..., :2])[:, None, None], jnp.nan, end.centreline)

@@ -28,6 +28,7 @@ from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
+from app.core.errors import SimulationError
 from app.core.geometry.scene_description import Rope
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.inference.calibration import Calibration, calibration, calibration_in, features
@@ -327,7 +328,7 @@ def _line(order: tuple[int, int], refits: int, *, many: bool) -> dict[str, Any]:
     seed, number = order
     try:
         found = studied(*drawn(seed, number, many=many), refits)
-    except ValueError as error:  # A rod of our own world left what it can simulate.
+    except (SimulationError, ValueError) as error:  # A world became unstable, or a rod left what it can simulate.
         found = {"failure": str(error)}
     return {"seed": seed, "number": number, **found}
 

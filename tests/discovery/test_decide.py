@@ -74,11 +74,15 @@ def test_a_second_error_of_the_arm_is_earned_although_the_model_of_the_first_cou
     assert is_earned(held_out_gain((alone.data, alone.prior), larger))
 
 
-def test_a_further_cause_of_physics_is_compared_with_what_the_simulator_usually_seems_to_have() -> None:
+@pytest.mark.parametrize(("further", "held"), [("table_tilt", False), ("actuator_lag", True)])
+def test_only_an_error_of_cameras_or_arm_is_compared_without_the_others(further: str, held: bool) -> None:
     subject = subject_of(load("rope_push"))
     known = subject.catalogue()
-    model = exact_model(subject, known, ("under_reach",), {"under_reach": 0.02})
-    assert np.array_equal(without_rivals(known, model, "table_tilt").prior.variance, model.prior.variance)
+    both = exact_model(subject, known, ("under_reach", "actuator_lag"), {"under_reach": 0.02, "actuator_lag": 0.03})
+    model = replace(both, own=both.own - 1)
+    variance = without_rivals(known, model, further).prior.variance
+    assert (variance[-1] < model.prior.variance[-1]) == held
+    assert np.array_equal(variance[:-1], model.prior.variance[:-1])
 
 
 def test_a_cause_that_is_absent_does_not() -> None:

@@ -1,5 +1,7 @@
 """Discovery on rods: pushes of a rope of any size, simulated as what the recording says it is."""
 
+import inspect
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.residuals import steppers
 from app.discovery.residuals.displacement_field import MODES
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.sensitivity import STARTS, residuals
@@ -16,6 +19,7 @@ from app.discovery.residuals.steppers import material_coordinates
 from app.jobs.discovery_subject import subject_of
 from app.policy.random_pushes import PushDesign
 from app.sim.model.numerics import ANY_NUMERICS, NUMERICS, ROD_NUMERICS
+from app.sim.state import State
 from app.tasks import load
 from bench.hidden.ropes import RopeCase
 
@@ -125,3 +129,32 @@ def test_the_catalogue_of_rods_has_what_acts_on_them_with_every_parameter_in_its
 def test_what_is_a_cause_is_not_fitted_whatever_the_cause() -> None:
     assert SUBJECT.calibrated == ("stiffness", "table_friction")
     assert load("rope_push@rods").calibrated == ("stiffness", "table_friction", "finger_friction")
+
+
+def test_pieces_that_failed_time_steps_fling_away_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def make_flinging(*_: object, **_more: object) -> Callable[..., State]:
+        def simulate(phi: jnp.ndarray, state: State, *_: object) -> State:
+            return state._replace(x=state.x + 1e5 * phi[:, :1, None])
+
+        return simulate
+
+    monkeypatch.setattr(steppers, "make_rollout", make_flinging)
+    monkeypatch.setattr(steppers, "_particle_stepper", inspect.unwrap(vars(steppers)["_particle_stepper"]))
+    subject = subject_of(load("bean_sweep"))
+    begun = np.broadcast_to(np.array([0.5, 0.0, 0.01], np.float32), (2, subject.particle_count, 3))
+    phi = np.zeros((2, len(subject.nominal)), np.float32)
+    phi[1] = 1.0
+    tool = np.zeros((2, steppers.BLOCK + 1, subject.tool_coordinates), np.float32)
+    label, time, needed = np.zeros((2, subject.particle_count, 4), np.float32), np.zeros(2, np.float32), np.ones((2, 2))
+    stopped, end = steppers.stepper(subject).move(phi, phi, (begun,), label, time, tool, tool, needed)
+    for found in (stopped, end):
+        np.testing.assert_array_equal(np.asarray(found[0]), begun[0])
+        assert np.isnan(np.asarray(found[1])).all()
+
+
+def test_a_cloth_that_is_lifted_by_its_corner_is_not_flung_away() -> None:
+    lying = jnp.stack([jnp.linspace(0.0, 0.3, 4), jnp.zeros(4), jnp.zeros(4)], axis=1)[None]
+    hanging = jnp.stack([jnp.zeros(4), jnp.zeros(4), jnp.linspace(0.3, 0.0, 4)], axis=1)[None]
+    upwards = jnp.stack([jnp.zeros(5), jnp.zeros(5), jnp.linspace(0.0, 0.3, 5)], axis=1)[None]
+    assert not steppers.is_flung(lying, hanging, upwards)[0]
+    assert steppers.is_flung(lying, hanging + 1.0, upwards)[0]

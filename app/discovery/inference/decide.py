@@ -105,22 +105,27 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
     held = held_out_gain((screening.data, screening.prior), best) if sure else None
     if held is not None and (not catalogue.rods or held.gain > held.error):
-        best = _add_causes(predictor, trials, screening, best, singles, said)
-        held = held_out_gain((screening.data, screening.prior), best)
+        more = _add_causes(predictor, trials, screening, best, singles, said)
+        gained = held_out_gain((screening.data, screening.prior), more)
+        if more is not best and _is_accepted(catalogue, more, gained):
+            best, held = more, gained
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
         linear = held_out_gain_of_linear(screening, suspect, rivals_of(catalogue, screening, suspect))
         held = earned_by_either(held, linear, best.log_evidence - screening.weighing.log_evidence)
-    earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
-    earned &= not catalogue.rods or is_sized(catalogue, best)
     return ModelSelection(
         singles=tuple(singles),
         probabilities=probabilities,
         nothing=nothing,
-        accepted=best if earned else None,
+        accepted=best if held is not None and _is_accepted(catalogue, best, held) else None,
         held=held,
         unknown=unknown,
     )
+
+
+def _is_accepted(catalogue: Catalogue, model: RefinedModel, held: HeldOutGain) -> bool:
+    """True if left-out episodes bear a model out, and if all of its causes are of some size."""
+    return (is_earned(held) and is_sized(catalogue, model)) if catalogue.rods else held.gain > held.error
 
 
 def rivals_of(catalogue: Catalogue, screening: Screening, suspect: CandidateCause) -> list[int]:

@@ -16,21 +16,23 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 from scipy.linalg import inv
-from scipy.optimize import NoConvergence, anderson
 
+from app.discovery.inference.anderson import AndersonExtrapolation
 from app.discovery.residuals.rows import Residuals
 
 _DEGREES = 2.0
 _ROUNDS = 100
-_MEMORY = 3
-"""Rounds of which the next is extrapolated."""
 _FARTHEST = 1.0
 """Most by which the logarithm of a deviation is extrapolated at once."""
+_LOSS = 0.1
+"""Log likelihood by which an extrapolation may be worse than the best so far: rounds that shrink covariances lose some,
+too."""
 _SHRINK = 16.0
 """Pushes' worth of a diagonal covariance that is added to the learnt one."""
 _LEAST_M = 1e-4
 _SETTLED = 2e-4
-"""Relative change of a learnt variance in a round. The likelihood would stop too soon: it turns on its way."""
+"""Relative change of a learnt variance, given those before it, in a round. The likelihood would stop too soon: it
+turns on its way."""
 
 Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
 """Covariance of each block of rows [m^2], for a push of usual size."""
@@ -182,70 +184,60 @@ def _em_fit(
     centre: Float64[np.ndarray, " P"],
     start: Covariances | None,
 ) -> MixedEffectsFit:
-    """A local maximum of the likelihood: rounds of expectation and maximisation, extrapolated from the last ones.
+    """A local maximum of the likelihood: rounds of expectation and maximisation until they change no variance.
 
-    Anderson's acceleration takes a third of the rounds (Henderson and Varadhan 2019, "Damped Anderson acceleration with
-    restarts and monotonicity control for accelerating EM"). Where it loses its way, rounds are made without.
+    Each begins where the last ones are extrapolated to, if that is no worse (Henderson and Varadhan 2019, "Damped
+    Anderson acceleration with restarts and monotonicity control for accelerating EM", without the damping).
     """
-    covariances = start or tuple(_first(block) for block in blocks)
+    here = _Fit(centre, start or tuple(_first(block) for block in blocks))
     # Before theta is known at all no push may pass for an outlier.
-    here = _round(
-        blocks, variance, centre, _Fit(centre, covariances), sizes=[np.ones(len(block.r)) for block in blocks]
-    )
-    here = _accelerated(blocks, variance, centre, _round(blocks, variance, centre, here))
-    roots = [_roots(block, covariance) for block, covariance in zip(blocks, here.covariances, strict=True)]
+    sizes: list[Float64[np.ndarray, " K"]] | None = [np.ones(len(block.r)) for block in blocks]
+    logarithms, path = here.logarithms(), AndersonExtrapolation()
+    plain, best = here, -np.inf
+    for _ in range(_ROUNDS):
+        roots = _roots_of(blocks, here)
+        worth = -np.inf if sizes is not None else _worth(blocks, roots, variance, centre, here)
+        if not worth >= best - _LOSS:
+            here, path, best = plain, AndersonExtrapolation(), -np.inf
+            continue
+        best = max(best, worth)
+        plain = _round(blocks, roots, variance, centre, here, sizes)
+        flat, reached, sizes = here.flatten(), plain.flatten(), None
+        if 2 * np.abs((reached - flat)[logarithms]).max() < _SETTLED:
+            break
+        ahead = path.after(flat, reached)
+        is_near = np.abs((ahead - reached)[logarithms]).max() < _FARTHEST
+        here = here.unflatten(ahead) if is_near else plain
+    roots = _roots_of(blocks, plain)
+    likelihood = sum(_log_likelihood(block, root, plain.theta) for block, root in zip(blocks, roots, strict=True))
+    return MixedEffectsFit(plain.theta, plain.covariances, _forms(blocks, roots, plain.theta), float(likelihood))
+
+
+def _worth(
+    blocks: Sequence[_Rows],
+    roots: Sequence[Float64[np.ndarray, "_ _ _"]],
+    variance: Float64[np.ndarray, " P"],
+    centre: Float64[np.ndarray, " P"],
+    here: _Fit,
+) -> float:
+    """Log likelihood with the prior of theta, but for a constant."""
     likelihood = sum(_log_likelihood(block, root, here.theta) for block, root in zip(blocks, roots, strict=True))
-    return MixedEffectsFit(here.theta, here.covariances, _forms(blocks, roots, here.theta), float(likelihood))
+    return float(likelihood) - 0.5 * float(((here.theta - centre) ** 2 / variance).sum())
 
 
-def _accelerated(
-    blocks: Sequence[_Rows], variance: Float64[np.ndarray, " P"], centre: Float64[np.ndarray, " P"], here: _Fit
-) -> _Fit:
-    """The fit at which a round changes no variance any more."""
-    begun, reached, varied = here, here.flatten(), here.logarithms()
-
-    def change(flat: Float64[np.ndarray, " _"]) -> Float64[np.ndarray, " _"]:
-        nonlocal here, reached
-        if not np.abs(flat - reached)[varied].max() < _FARTHEST:
-            raise FloatingPointError("Extrapolated farther than rounds can be trusted to go.")
-        here = _round(blocks, variance, centre, begun.unflatten(flat))
-        reached = here.flatten()
-        return reached - flat
-
-    def largest(changes: Float64[np.ndarray, " _"]) -> float:
-        return 2 * float(np.abs(changes[varied]).max())
-
-    try:
-        anderson(
-            change,
-            begun.flatten(),
-            alpha=1.0,
-            M=_MEMORY,
-            maxiter=_ROUNDS,
-            f_tol=_SETTLED,
-            tol_norm=largest,
-            line_search=None,
-        )
-    except NoConvergence:
-        pass
-    except (FloatingPointError, ValueError):
-        here = begun
-        for _ in range(_ROUNDS):
-            before, here = here, _round(blocks, variance, centre, here)
-            if largest(here.flatten() - before.flatten()) < _SETTLED:
-                break
-    return here
+def _roots_of(blocks: Sequence[_Rows], fit: _Fit) -> list[Float64[np.ndarray, "_ _ _"]]:
+    return [_roots(block, covariance) for block, covariance in zip(blocks, fit.covariances, strict=True)]
 
 
 def _round(
     blocks: Sequence[_Rows],
+    roots: Sequence[Float64[np.ndarray, "_ _ _"]],
     variance: Float64[np.ndarray, " P"],
     centre: Float64[np.ndarray, " P"],
     here: _Fit,
-    sizes: Sequence[Float64[np.ndarray, " K"]] | None = None,
+    sizes: Sequence[Float64[np.ndarray, " K"]] | None,
 ) -> _Fit:
     """Theta under the noise that is known, and the noise about it; `sizes` of pushes, or those of theta so far."""
-    roots = [_roots(block, covariance) for block, covariance in zip(blocks, here.covariances, strict=True)]
     if sizes is None:
         sizes = [_size(block, root, here.theta) for block, root in zip(blocks, roots, strict=True)]
     total, pull = np.diag(1 / variance), centre / variance
@@ -323,8 +315,9 @@ def _scatter(
     precisions = np.swapaxes(roots, 1, 2) @ roots
     common = _times(covariance @ precisions, left) * block.known
     seen = np.sqrt(np.maximum(block.known.sum(0), 1))
-    unsure = covariance - covariance @ precisions.mean(0) @ covariance
-    raw = common.T @ common / np.outer(seen, seen) + unsure  # Positive, whatever is missing.
+    # covariance - covariance @ precisions @ covariance, but for the cancellation: positive, whatever is missing.
+    unsure = covariance @ (precisions @ block.own).mean(0)
+    raw = common.T @ common / np.outer(seen, seen) + (unsure + unsure.T) / 2
     shrunk = (len(left) * raw + _SHRINK * np.diag(np.diag(raw))) / (len(left) + _SHRINK)
     return shrunk + _LEAST_M**2 * np.eye(rows)
 

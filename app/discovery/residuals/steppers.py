@@ -69,7 +69,8 @@ def stepper(subject: Subject) -> Stepper:
     if subject.rods is not None:
         return _rod_stepper(subject.rods)
     effects = tuple(effect for effect in EFFECTS if subject.kind.name in effect.objects or not subject.kind.is_poured)
-    return _particle_stepper(subject.scene, subject.particle_count, subject.initial_state, effects)
+    kind, at_rest = subject.kind, subject.initial_state
+    return _particle_stepper(subject.scene, subject.particle_count, at_rest, effects, may_spread=kind.is_poured)
 
 
 def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
@@ -92,7 +93,10 @@ def of_one_length(subject: Subject) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState, effects: tuple[Effect, ...]) -> Stepper:
+def _particle_stepper(
+    scene: Scene, particles: int, at_rest: InitialState, effects: tuple[Effect, ...], *, may_spread: bool
+) -> Stepper:
+    """The simulator of particles; only what `may_spread` goes farther than the tool takes it."""
     simulate: Simulate = make_rollout(scene, particle_count=scene.split(particles), effects=effects)
     own = columns_of(effects)
 
@@ -116,8 +120,12 @@ def _particle_stepper(scene: Scene, particles: int, at_rest: InitialState, effec
         _needed: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
         phi = phi[:, own]
-        stopped = moved(phi, at_rest(jnp.asarray(start[0])), first, label, time)
-        return stopped.x, moved(phi, stopped, second, label, time).x
+        began = at_rest(jnp.asarray(start[0]))
+        stopped = moved(phi, began, first, label, time)
+        end = moved(phi, stopped, second, label, time)
+        if may_spread:
+            return stopped.x, end.x
+        return _unless_flung(began.x, stopped.x, end.x, jnp.concatenate([first, second], axis=1)[..., :3])
 
     return Stepper(begin=lambda x, _: (x,), move=stepped)
 
@@ -155,17 +163,31 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         early = needed * jnp.array([0, 1])
         stopped = simulate(physics, state, first, phi[:, own], setting, spans=late)
         end = simulate(physics, stopped, second, phi[:, own], setting, spans=early)
-        flung = is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]
-        return jnp.where(flung, jnp.nan, stopped.x), jnp.where(flung, jnp.nan, end.x)
+        return _unless_flung(state.x, stopped.x, end.x, jnp.concatenate([first, second], axis=1)[..., :2])
 
     return Stepper(begin=begin, move=stepped)
 
 
+@jax.jit
+def _unless_flung(
+    start: Float[jax.Array, "B N 3"],
+    stopped: Float[jax.Array, "B N 3"],
+    end: Float[jax.Array, "B N 3"],
+    tool: Float[jax.Array, "B T _"],
+) -> tuple[Float[jax.Array, "B N 3"], Float[jax.Array, "B N 3"]]:
+    """Clouds on the way and at the end; NaN of objects that were flung away, whose slopes would outweigh all others."""
+    flung = is_flung(start, end, tool)[:, None, None]
+    return jnp.where(flung, jnp.nan, stopped), jnp.where(flung, jnp.nan, end)
+
+
 def is_flung(
-    start: Float[jax.Array, "B N 3"], end: Float[jax.Array, "B N 3"], tool: Float[jax.Array, "B T 3"]
+    start: Float[jax.Array, "B N 3"], end: Float[jax.Array, "B N 3"], tool: Float[jax.Array, "B T _"]
 ) -> jax.Array:
-    """True if a point of an object (B) went farther than a tool that pushes it can take it: its time steps failed."""
-    way = jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=2).sum(1)
+    """True if a point of an object (B) went farther than a tool that pushes it can take it: its time steps failed.
+
+    `tool`: its places [m], of two axes where it goes down and up without the object.
+    """
+    way = jnp.linalg.norm(jnp.diff(tool, axis=1), axis=2).sum(1)
     farthest = jnp.linalg.norm((end - start)[..., :2], axis=2).max(1)
     return ~(farthest < _LEVER * way + _SLID_M)
 
