@@ -1,10 +1,12 @@
 """Left-out episodes speak for a weak cause that is there, and for none that is not."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from app.discovery.inference import decide
 from app.discovery.inference.decide import without_rivals
 from app.discovery.inference.held_out import (
     HeldOutGain,
@@ -16,6 +18,8 @@ from app.discovery.inference.held_out import (
 )
 from app.discovery.inference.screen import CandidateCause, Screening
 from app.discovery.inference.weighing import weigh
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.simulation_batch import SimulationBatch
 from app.jobs.discovery_subject import subject_of
 from app.tasks import load
 from tests.discovery.exact import exact_model
@@ -72,6 +76,26 @@ def test_a_second_error_of_the_arm_is_earned_although_the_model_of_the_first_cou
     alone, larger = (without_rivals(known, each, "actuator_lag") for each in (one, both))
     assert not is_earned(learnt)
     assert is_earned(held_out_gain((alone.data, alone.prior), larger))
+
+
+@pytest.mark.parametrize("gain", [-1.0, 5.0])
+def test_a_single_cause_stands_where_two_are_not_borne_out(monkeypatch: pytest.MonkeyPatch, gain: float) -> None:
+    subject = subject_of(load("rope_push@mpm"))
+    known = subject.catalogue()
+    one = exact_model(subject, known, ("under_reach",), {"under_reach": 0.02})
+    both = exact_model(subject, known, ("under_reach", "actuator_lag"), {"under_reach": 0.02, "actuator_lag": 0.03})
+    found, _ = with_cause(1.0)
+    suspect = CandidateCause(
+        cause="under_reach", columns=(1,), steps=(found.steps[1],), finding=found.weighing.findings[0]
+    )
+    monkeypatch.setattr(decide, "refit_cause", lambda *_, **_more: one)
+    monkeypatch.setattr(decide, "_add_causes", lambda *_: both)
+    gains = {one.causes: HeldOutGain(gain=5.0, error=1.0), both.causes: HeldOutGain(gain=gain, error=1.0)}
+    monkeypatch.setattr(decide, "held_out_gain", lambda _, model: gains[model.causes])
+    predictor, trials = Predictor(subject, known), Mock(spec=SimulationBatch)
+    selected = decide.decide(predictor, trials, replace(found, suspects=(suspect,)), lambda _: None)
+    assert selected.accepted is (both if gain > 1.0 else one)
+    assert selected.held == gains[selected.accepted.causes]
 
 
 @pytest.mark.parametrize(("further", "held"), [("table_tilt", False), ("actuator_lag", True)])
