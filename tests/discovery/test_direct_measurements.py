@@ -132,6 +132,14 @@ def test_half_of_a_ropes_points_are_as_near_to_its_middle_as_its_radius_says() -
     assert abs(float(np.median(girth))) < 0.5e-3
 
 
+@pytest.mark.parametrize(("name", "size"), [("hand_eye_y", 0.008), ("hand_eye_turn_x", 0.5), ("depth_bias", 0.01)])
+def test_a_rope_is_as_thick_wherever_cameras_that_err_show_it(name: str, size: float) -> None:
+    trials, erring = prepare(study(NOMINAL.copy()), SUBJECT), NOMINAL.copy()
+    erring[CATALOGUE.column(name)] = size
+    right, moved = (direct_rows(PREDICTOR, trials, theta, []).r[:, row_of("girth")] for theta in (NOMINAL, erring))
+    np.testing.assert_allclose(moved, right, atol=1e-4)
+
+
 def test_a_check_is_off_by_more_than_the_least_error_alone() -> None:
     """A tenth of a millimetre that every episode shows is no reason to look for a cause."""
     truth = NOMINAL.copy()

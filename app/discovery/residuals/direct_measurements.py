@@ -182,9 +182,11 @@ def _girth(predictor: Predictor, trials: SimulationBatch, k: int, theta: Theta) 
     if not trials.kind.has_length or "radius_m" in predictor.subject.unsaid:
         return None
     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
-    points = predictor.unproject(trials.study.pushes[k].before.points, eye, theta)
+    points, middles = (
+        predictor.unproject(seen, eye, theta) for seen in (trials.study.pushes[k].before.points, trials.middles[k])
+    )
     tangent = trials.labels[k, :, 2:4]
-    out = points[:, :2] - trials.middles[k][:, :2]
+    out = points[:, :2] - middles[:, :2]
     beside = np.abs(out[:, 1] * tangent[:, 0] - out[:, 0] * tangent[:, 1])
     return np.array([float(np.median(beside)) - _HALF_INSIDE * predictor.subject.radius_m])
 
