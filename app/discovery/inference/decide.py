@@ -106,9 +106,10 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     held = held_out_gain((screening.data, screening.prior), best) if sure else None
     if held is not None and (not catalogue.rods or held.gain > held.error):
         more = _add_causes(predictor, trials, screening, best, singles, said)
-        gained = held_out_gain((screening.data, screening.prior), more)
-        if more is not best and _is_accepted(catalogue, more, gained):
-            best, held = more, gained
+        if more is not best:
+            gained = held_out_gain((screening.data, screening.prior), more)
+            if _is_accepted(catalogue, more, gained):
+                best, held = more, gained
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
         linear = held_out_gain_of_linear(screening, suspect, rivals_of(catalogue, screening, suspect))

@@ -119,13 +119,13 @@ def fit_mixed_effects(
     """
     blocks, centre = _blocks(data), np.zeros(len(variance)) if mean is None else mean
     found = [_em_fit(blocks, variance, centre, start) for start in starts]
-    return max(found, key=lambda fit: fit.log_likelihood - 0.5 * float(((fit.theta - centre) ** 2 / variance).sum()))
+    return max(found, key=lambda fit: fit.log_likelihood - _misfit(fit.theta, variance, centre))
 
 
 def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> float:
     """Log likelihood of all pushes under a known noise, up to a constant."""
-    rows = zip(_blocks(data), covariances, strict=True)
-    return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
+    blocks = _blocks(data)
+    return _log_likelihood_of(blocks, _roots_of(blocks, covariances), theta)
 
 
 def scores(data: Residuals, fit: MixedEffectsFit) -> Float64[np.ndarray, "K P"]:
@@ -153,8 +153,7 @@ def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndar
 def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> QuadraticForms:
     """The likelihood's forms about any theta under a known noise, with the weight that Student's t gives each push."""
     blocks = _blocks(data)
-    roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
-    return _forms(blocks, roots, theta)
+    return _forms(blocks, _roots_of(blocks, covariances), theta)
 
 
 def _blocks(data: Residuals) -> list[_Rows]:
@@ -195,12 +194,13 @@ def _em_fit(
     logarithms, path = here.logarithms(), AndersonExtrapolation()
     plain, best = here, -np.inf
     for _ in range(_ROUNDS):
-        roots = _roots_of(blocks, here)
-        worth = -np.inf if sizes is not None else _worth(blocks, roots, variance, centre, here)
-        if not worth >= best - _LOSS:
-            here, path, best = plain, AndersonExtrapolation(), -np.inf
-            continue
-        best = max(best, worth)
+        roots = _roots_of(blocks, here.covariances)
+        if sizes is None:
+            worth = _log_likelihood_of(blocks, roots, here.theta) - _misfit(here.theta, variance, centre)
+            if not worth >= best - _LOSS:
+                here, path, best = plain, AndersonExtrapolation(), -np.inf
+                continue
+            best = max(best, worth)
         plain = _round(blocks, roots, variance, centre, here, sizes)
         flat, reached, sizes = here.flatten(), plain.flatten(), None
         if 2 * np.abs((reached - flat)[logarithms]).max() < _SETTLED:
@@ -208,25 +208,26 @@ def _em_fit(
         ahead = path.after(flat, reached)
         is_near = np.abs((ahead - reached)[logarithms]).max() < _FARTHEST
         here = here.unflatten(ahead) if is_near else plain
-    roots = _roots_of(blocks, plain)
-    likelihood = sum(_log_likelihood(block, root, plain.theta) for block, root in zip(blocks, roots, strict=True))
-    return MixedEffectsFit(plain.theta, plain.covariances, _forms(blocks, roots, plain.theta), float(likelihood))
+    roots = _roots_of(blocks, plain.covariances)
+    likelihood = _log_likelihood_of(blocks, roots, plain.theta)
+    return MixedEffectsFit(plain.theta, plain.covariances, _forms(blocks, roots, plain.theta), likelihood)
 
 
-def _worth(
-    blocks: Sequence[_Rows],
-    roots: Sequence[Float64[np.ndarray, "_ _ _"]],
-    variance: Float64[np.ndarray, " P"],
-    centre: Float64[np.ndarray, " P"],
-    here: _Fit,
+def _misfit(
+    theta: Float64[np.ndarray, " P"], variance: Float64[np.ndarray, " P"], centre: Float64[np.ndarray, " P"]
 ) -> float:
-    """Log likelihood with the prior of theta, but for a constant."""
-    likelihood = sum(_log_likelihood(block, root, here.theta) for block, root in zip(blocks, roots, strict=True))
-    return float(likelihood) - 0.5 * float(((here.theta - centre) ** 2 / variance).sum())
+    """Negative logarithm of theta's prior, but for a constant."""
+    return 0.5 * float(((theta - centre) ** 2 / variance).sum())
 
 
-def _roots_of(blocks: Sequence[_Rows], fit: _Fit) -> list[Float64[np.ndarray, "_ _ _"]]:
-    return [_roots(block, covariance) for block, covariance in zip(blocks, fit.covariances, strict=True)]
+def _log_likelihood_of(
+    blocks: Sequence[_Rows], roots: Sequence[Float64[np.ndarray, "_ _ _"]], theta: Float64[np.ndarray, " P"]
+) -> float:
+    return float(sum(_log_likelihood(block, root, theta) for block, root in zip(blocks, roots, strict=True)))
+
+
+def _roots_of(blocks: Sequence[_Rows], covariances: Covariances) -> list[Float64[np.ndarray, "_ _ _"]]:
+    return [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
 
 
 def _round(
