@@ -29,6 +29,7 @@ from app.sim.materials.threads import cloth_at_rest
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
 from app.sim.model.scene import Scene
+from app.sim.tools.bowl import BowlCollider
 from app.sim.tools.grasp import Grasp
 from app.tasks.elements.base import Task
 
@@ -36,6 +37,9 @@ _SPILT_M: Final = 0.15
 """Farther than a task's grid that spilled drops run."""
 _WALL_M: Final = 0.004
 """Wall of the bowls, in which particles may be that are pressed against it."""
+_ROUGHER: Final = 1.8
+"""Friction of bowls on a task's cells, over that on finer ones: with it two recordings of 100 pours of water,
+in which nothing is hidden, are foretold to 6 % of the water, without it to 12 and 14. More flows over the lip there."""
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
 _FITTED_OF_CLOTH: Final = ("stiffness", "table_friction")
@@ -164,6 +168,8 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
     )
     if isinstance(poured, Soup):
         scene = _with_stiff_pieces(scene, poured, task.nominal["stiffness"])
+    else:
+        scene = _with_rougher_bowls(scene)
     return Subject(
         scene=scene,
         time_scale=task.time_scale,
@@ -173,7 +179,7 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
         low_m=high[2],
         particle_count=task.preset("cpu").particle_count,
         nominal=phi_of(nominal_model(task.name, priors)),
-        calibrated=(),  # The bulk modulus does nothing to what is poured.
+        calibrated=(),  # The bulk modulus does little to what is poured.
         kind=SOUP if isinstance(poured, Soup) else LIQUID,
         bowls=PouredBowls(
             held_radius_m=held.radius_m,
@@ -184,6 +190,12 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
         ),
         priors=tuple(priors),
     )
+
+
+def _with_rougher_bowls(scene: Scene) -> Scene:
+    """The scene with bowls as rough as its cells need them."""
+    bowls = [bowl for bowl in scene.tools if isinstance(bowl, BowlCollider)]
+    return replace(scene, tools=tuple(replace(bowl, friction=_ROUGHER * bowl.friction) for bowl in bowls))
 
 
 def _with_stiff_pieces(scene: Scene, soup: Soup, stiffness_pa: float) -> Scene:

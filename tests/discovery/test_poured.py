@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
+from app.core.geometry.bowls import cap_depth_m
+from app.discovery.checks.soundness import model_limits
 from app.discovery.dataset.model_under_test import catalogue
 from app.discovery.dataset.object_kinds import CLOTH, GRAINS, ROPE
-from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M
+from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M, standing_shares
 from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.simulation_batch import PushParticles, prepare
-from tests.discovery.pours import BOWLS, COUNT, SOUP, SUBJECT, study_of, water
+from app.perception.body.resample import resample
+from app.perception.body.vessels import Pool
+from tests.discovery.pours import BOWLS, COUNT, SOUP, SUBJECT, TASK, study_of, water
 
 
 def test_causes_of_the_table_are_not_asked_about_and_those_of_liquids_are() -> None:
@@ -32,6 +36,31 @@ def test_the_share_of_a_liquid_in_the_bowl_that_stands_is_counted_and_can_be_ano
     assert BOWLS.share(points) == pytest.approx(share, abs=1e-6)
     assert BOWLS.share(BOWLS.with_share(points, 0.6)) == pytest.approx(0.6, abs=2 / COUNT)
     assert BOWLS.share(BOWLS.with_share(points, share)) == pytest.approx(share, abs=1e-6)
+
+
+@pytest.mark.parametrize("more", [0.0, 0.1, 0.25])
+def test_a_level_above_that_of_all_that_was_said_tells_how_much_there_is(more: float) -> None:
+    vessel = TASK.perception.standing[0]
+    level_m = vessel.place_m[2] - vessel.radius_m + cap_depth_m((1 + more) * BOWLS.volume_m3, vessel.radius_m)
+    seen = resample(Pool(vessel=vessel, level_m=level_m).points(0.003), COUNT, seed=0)
+    assert BOWLS.share(seen) == 1.0
+    assert BOWLS.seen_share(seen) == pytest.approx(1 + more, abs=0.03)
+    assert BOWLS.seen_share(BOWLS.with_share(seen, 1 + more)) == pytest.approx(1 + more, abs=0.005)
+
+
+def test_two_looks_at_one_rest_are_one_measurement_where_they_agree() -> None:
+    study = study_of((0.0, 0.3), (0.4, 0.7), (0.2, 0.7), (0.7, 0.8), pours=3)
+    found = standing_shares(BOWLS, study.pushes)
+    wanted = [[0.0, 0.35], [0.35, 0.7], [0.2, 0.7], [0.7, 0.8]]  # A bowl was emptied, and an episode begins.
+    assert found.tolist() == [pytest.approx(pair, abs=2 / COUNT) for pair in wanted]
+
+
+def test_a_pour_in_which_nothing_is_held_says_nothing() -> None:
+    trials = prepare(study_of((0.3, 1.0), (1.0, 1.0)), SUBJECT)
+    clouds = PushParticles(trials.observed.during, trials.observed.after)
+    found = assemble_contents(trials, BOWLS, clouds, [(clouds, clouds)], [1.0], [])
+    assert found.known[:, CONTENTS:].ravel().tolist() == [True, False]
+    assert not any("could be simulated" in limit.text for limit in model_limits(trials, found))
 
 
 @pytest.mark.parametrize("x", [0.52, 0.55])
@@ -100,6 +129,6 @@ def test_a_fuller_bowl_begins_fuller_and_all_of_it_is_seen_in_the_end(more: floa
     trials, known = prepare(study_of((0.3, 1.0)), SUBJECT), SUBJECT.catalogue()
     theta = known.nominal(SUBJECT)
     theta[known.column("fill_level")] = more
-    shown = BOWLS.share(Predictor(SUBJECT, known).observe_level(trials, 0, after, theta))
-    # The level in the bowl is that of all there is, up to what a reconstruction knows of.
-    assert shown == pytest.approx(min(1.0, 1.0 + more), abs=2 / COUNT)
+    shown = BOWLS.seen_share(Predictor(SUBJECT, known).observe_level(trials, 0, after, theta))
+    # The level in the bowl is that of all there is, also where that is more than was said.
+    assert shown == pytest.approx(1.0 + more, abs=2 / COUNT)

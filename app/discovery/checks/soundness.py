@@ -18,10 +18,10 @@ _MM = 1e3
 def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
     simulated = np.any(data.known[:, trials.after_rows], axis=1)
-    count = int(simulated.sum())
-    if count < _ENOUGH * len(data):
+    count, asked = int(simulated.sum()), int((~trials.is_empty).sum())
+    if count < _ENOUGH * max(asked, 1):
         yield Limit(
-            text=f"Only {count} of {len(data)} {motion_name(trials.kind.name, count=2)} could be simulated.",
+            text=f"Only {count} of {asked} {motion_name(trials.kind.name, count=2)} could be simulated.",
             consequence=(
                 "What the others would say is unknown, so no cause is named: see that tool and object stay within 2 m "
                 "of where they began, and that their sizes are right."

@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.geometry.bowls import cap_surface_m2, refill
+from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, cap_surface_m2, cap_volume_m3, refill
 from app.core.types import Points
 
 _OUTSIDE_M = 0.003
@@ -62,6 +62,13 @@ class PouredBowls:
         """Share of the liquid in the bowl that stands."""
         return float(self.inside(points).mean())
 
+    def seen_share(self, points: Points) -> float:
+        """The same of seen points: above 1 where all of what was said is in it, and the level is higher than that."""
+        if not self.inside(points).all():
+            return self.share(points)
+        below_m = self.place_m[2] - float(points[:, 2].mean(dtype=np.float64))
+        return max(cap_volume_m3(below_m, self.radius_m) / self.volume_m3, 1.0)
+
     def rise(self, share: float, by_m: float) -> float:
         """Share by which a liquid of this `share` in it seems more where its level is seen too high by `by_m`."""
         if share <= 0:
@@ -71,10 +78,15 @@ class PouredBowls:
     def with_share(self, points: Points, share: float) -> Points:
         """The points, as many of them moved from or to the bowl that stands as makes its share this one.
 
-        For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be.
+        For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be. All
+        of them do where all is in the bowl, at the height of which its level tells as much.
         """
         inside = np.flatnonzero(self.inside(points))
-        wanted = round(min(max(share, 0.0), 1.0) * len(points))
+        wanted = round(max(share, 0.0) * len(points))
+        if wanted >= len(points):
+            depth_m = cap_depth_m(share * self.volume_m3, self.radius_m)
+            middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m)))
+            return np.tile(middle.astype(points.dtype), (len(points), 1))
         moved = points.copy()
         if wanted > len(inside):
             others = np.setdiff1d(np.arange(len(points)), inside)

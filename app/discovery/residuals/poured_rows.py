@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.discovery.dataset.bowls import PouredBowls
-from app.discovery.residuals.poured_contents import CONTENTS, contents_m
+from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M, contents_m
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch
 
@@ -23,19 +23,21 @@ def assemble_contents(
 
     `base`: the model's predictions; `ends`: those of both ends of each change, so many steps `apart`; `replicas`: the
     model's from beginnings that are disturbed, of all of which, and the base, the prediction is the mean. The view
-    during a pour is not compared.
+    during a pour is not compared, nor are pours in which nothing is held.
     """
     count, rows = len(trials), slice(CONTENTS, 2 * CONTENTS)
     r, known = np.zeros((count, 2 * CONTENTS)), np.zeros((count, 2 * CONTENTS), bool)
     J = np.zeros((count, 2 * CONTENTS, len(ends)))
     spread = np.zeros((count, 2 * CONTENTS, len(replicas)))
     scale = np.array([1 / steps if steps > 0 else 0.0 for steps in apart])
-    seen = _contents(bowls, trials.observed.after)
+    assert trials.standing is not None
+    seen = WHOLE_M * trials.standing[:, 1:]
+    empty = trials.is_empty
     every = np.stack([_contents(bowls, one.after) for one in (base, *replicas)])
     sides = [[_contents(bowls, side.after) for side in pair] for pair in ends]
     for k in range(count):
         simulated = np.isfinite(every[:, k]).all(1)
-        if not simulated.any():
+        if not simulated.any() or empty[k]:
             continue
         predicted = every[simulated, k].mean(0)
         r[k, rows], known[k, rows] = seen[k] - predicted, True

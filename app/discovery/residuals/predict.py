@@ -129,10 +129,12 @@ class Predictor:
 
     def _observation(self, trials: SimulationBatch, k: int, points: Points, theta: Theta) -> Points:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
-        if not theta[self._apparatus + self._outflow].any() or not np.isfinite(points).all():
+        if not np.isfinite(points).all():
             return points
         if trials.bowls is not None:
             return self.observe_level(trials, k, points, theta)
+        if not theta[self._apparatus].any():
+            return points
         along = (trials.labels[k, :, 0] + 1) / 2
         middle = middles_of(along, points) if trials.kind.has_length else points
         return self.observe(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
@@ -142,15 +144,16 @@ class Predictor:
 
         So it was seen before the push, too.
         """
-        bowls = trials.bowls
+        bowls, standing = trials.bowls, trials.standing
         assert bowls is not None
+        assert standing is not None
         surface, eye = np.array([bowls.place_m]), Eye(np.asarray(trials.study.camera), None)
         by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
-        share, first = bowls.share(points), bowls.share(trials.study.pushes[k].before.points)
-        share = first + bowls.worth(first, self.more(theta)) * (share - first)
+        counted, first = bowls.share(trials.study.pushes[k].before.points), float(standing[k, 0])
+        poured = bowls.worth(counted, self.more(theta)) * (bowls.share(points) - counted)
         outflow, lip = OUTFLOW_STEP * theta[self._outflow[0]], LIP_STEP * theta[self._outflow[1]]
-        poured = share - first
-        share += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
+        poured += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
+        share = first + min(poured, max(1 + self.more(theta) - first, 0.0))
         return bowls.with_share(points, share + bowls.rise(share, by_m) - bowls.rise(first, by_m))
 
     def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:

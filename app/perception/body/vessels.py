@@ -55,9 +55,10 @@ class Vessel:
 
     def pool(self, volume_m3: float) -> "Pool":
         """The pool of this volume at rest; full where the vessel does not hold as much."""
-        z = np.sort(Pool(vessel=self, level_m=self.place_m[2] + self.radius_m).points(_SPACING_M)[:, 2])
-        count = min(max(1, round(volume_m3 / _SPACING_M**3)), len(z))
-        return Pool(vessel=self, level_m=float(z[count - 1]) + _SPACING_M / 2)
+        whole = Pool(vessel=self, level_m=self.place_m[2] + self.radius_m)
+        layers, counts = np.unique(whole.points(_SPACING_M)[:, 2], return_counts=True)
+        tops, volumes = layers + _SPACING_M / 2, np.cumsum(counts) * _SPACING_M**3
+        return Pool(vessel=self, level_m=float(np.interp(volume_m3, [0.0, *volumes], [tops[0] - _SPACING_M, *tops])))
 
 
 @final
