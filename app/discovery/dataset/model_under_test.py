@@ -251,7 +251,7 @@ def catalogue(
     # What is compiled can only be finer, wider or earlier.
     numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]
     if kind.is_poured:
-        numerics = [_numeric(name, about, low=-2.0) for name, about in POUR_NUMERICS.items()]
+        numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in POUR_NUMERICS.items()]
     if rods is not None:
         numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in rods.unknowns]
     for spec in numerics:
@@ -308,5 +308,6 @@ def _numeric(name: str, about: str, low: float = 0.0, null_prior: NullPrior | No
         typical=1.0,
         scale="linear",
         about=about,
+        null_prior=null_prior,
         rod_null_prior=null_prior,
     )

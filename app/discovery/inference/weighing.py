@@ -72,7 +72,7 @@ def null_prior(family: Family, spec: ParameterSpec, *, rods: bool = False, kind:
     if rods and spec.rod_null_prior is not None:
         return spec.rod_null_prior
     if family == "numerics":
-        return 0.0, NUMERIC
+        return spec.null_prior or (0.0, NUMERIC)
     return spec.null_prior or (0.0, NULL_PRIOR_SD[family])
 
 

@@ -7,7 +7,7 @@ view that was taken during the push, where there is one.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import NamedTuple, final
+from typing import Final, NamedTuple, final
 
 import jax
 import numpy as np
@@ -21,8 +21,10 @@ from app.discovery.dataset.study import Push
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.sensor_actuator_errors.base import Apparatus, Eye, Load, Places
-from app.sim.model.numerics import LIP_STEP, OUTFLOW_STEP, POUR_NUMERICS, ROD_NUMERICS
+from app.sim.model.numerics import POUR_NUMERICS, ROD_NUMERICS
 from app.sim.model.params import PARAMETERS
+
+_POUR_STEPS: Final = np.array([unknown.step for unknown in POUR_NUMERICS.values()])
 
 
 @final
@@ -150,10 +152,11 @@ class Predictor:
         surface, eye = np.array([bowls.place_m]), Eye(np.asarray(trials.study.camera), None)
         by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
         counted, first = bowls.share(trials.study.pushes[k].before.points), float(standing[k, 0])
-        poured = bowls.worth(counted, self.more(theta)) * (bowls.share(points) - counted)
-        outflow, lip = OUTFLOW_STEP * theta[self._outflow[0]], LIP_STEP * theta[self._outflow[1]]
-        poured += outflow * poured - lip * min(max(poured / LIP_STEP, 0.0), 1.0)
-        share = first + min(poured, max(1 + self.more(theta) - first, 0.0))
+        outflow, lip, spilt = _POUR_STEPS * theta[self._outflow]
+        more = self.more(theta) - spilt * first
+        poured = bowls.worth(counted, more) * (bowls.share(points) - counted)
+        poured += outflow * poured - lip * min(max(poured / POUR_NUMERICS["lip_height"].step, 0.0), 1.0)
+        share = first + min(poured, max(1 + more - first, 0.0))
         return bowls.with_share(points, share + bowls.rise(share, by_m) - bowls.rise(first, by_m))
 
     def observe(self, points: Points, eye: Eye, theta: Theta) -> Points:
