@@ -78,15 +78,17 @@ class PouredBowls:
     def with_share(self, points: Points, share: float) -> Points:
         """The points, as many of them moved from or to the bowl that stands as makes its share this one.
 
-        For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be. All
-        of them do where all is in the bowl, at the height of which its level tells as much.
+        For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be.
+        Where all is in the bowl, it stands as high as its level tells as much.
         """
         inside = np.flatnonzero(self.inside(points))
         wanted = round(max(share, 0.0) * len(points))
         if wanted >= len(points):
             depth_m = cap_depth_m(share * self.volume_m3, self.radius_m)
-            middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m)))
-            return np.tile(middle.astype(points.dtype), (len(points), 1))
+            middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m))).astype(points.dtype)
+            standing = np.where(self.inside(points)[:, None], points, middle)
+            standing[:, 2] += middle[2] - standing[:, 2].mean()
+            return standing
         moved = points.copy()
         if wanted > len(inside):
             others = np.setdiff1d(np.arange(len(points)), inside)
