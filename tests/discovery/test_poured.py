@@ -1,16 +1,19 @@
 """Liquids: what is compared of them, the causes they are asked about, and what a camera's error does to a level."""
 
+import math
+
 import numpy as np
 import pytest
 
 from app.core.geometry.bowls import cap_depth_m
 from app.discovery.checks.soundness import model_limits
-from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.dataset.model_under_test import Subject, catalogue
 from app.discovery.dataset.object_kinds import CLOTH, GRAINS, ROPE
 from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M, standing_shares
 from app.discovery.residuals.poured_rows import assemble_contents
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.simulation_batch import PushParticles, prepare
+from app.discovery.residuals.steppers import chunks
 from app.perception.body.resample import resample
 from app.perception.body.vessels import Pool
 from tests.discovery.pours import BOWLS, COUNT, SOUP, SUBJECT, TASK, study_of, water
@@ -102,6 +105,14 @@ def test_a_camera_that_sees_too_high_sees_more_poured_as_far_as_it_did_not_befor
     # The level of 36 ml is 43 mm below the rim's plane: about 57 square centimetres, of which 3 mm are 17 ml.
     assert share == pytest.approx(0.3 + 0.14, abs=0.03)
     assert same == pytest.approx(0.3, abs=2 / COUNT)
+
+
+@pytest.mark.parametrize("subject", [SUBJECT, SOUP], ids=["water", "soup"])
+def test_as_many_pours_are_simulated_at_once_as_four_gigabytes_hold(subject: Subject) -> None:
+    nodes = math.prod(subject.scene.shape)
+    sizes = chunks(subject, "gpu")
+    assert sizes == (256, 512)
+    assert sizes[-1] * nodes * 4 * 13 < 4e9  # Thirteen numbers a node.
 
 
 def test_models_that_differ_in_cameras_and_in_what_the_arm_measures_are_one_simulation() -> None:

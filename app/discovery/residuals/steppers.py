@@ -1,5 +1,6 @@
 """Compiled simulators of a subject: batches of pushes from a cloud to the view on the way, and on to the end."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,6 +26,8 @@ from app.sim.state import Setting, State
 BLOCK = 32
 """Time steps that are compiled as one, of which every path is a whole number: few shapes are compiled."""
 _CHUNKS = {"cpu": (8, 32), "gpu": (256, 512, 1024, 2048)}
+_NODE_BYTES, _MOST_BYTES = 52, 3_700_000_000
+"""Memory that a node of the grid of a simulation takes, as 2048 pours asked for 13.5 GiB, and the most of all."""
 _ROD_CHUNKS = {"cpu": (128,), "gpu": (256, 2048)}
 _TRACED = 32
 """Clouds whose centrelines are found at once."""
@@ -74,8 +77,12 @@ def stepper(subject: Subject) -> Stepper:
 
 
 def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
-    """Simulations at once."""
-    return (_CHUNKS if subject.rods is None else _ROD_CHUNKS)[platform]
+    """Simulations at once; of particles as many as memory has grids for."""
+    if subject.rods is not None:
+        return _ROD_CHUNKS[platform]
+    least, *larger = _CHUNKS[platform]
+    most = _MOST_BYTES // (_NODE_BYTES * math.prod(subject.scene.shape))
+    return least, *(size for size in larger if size <= most)
 
 
 def length_ratio(subject: Subject, platform: str) -> float:
