@@ -19,7 +19,14 @@ def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
     simulated = np.any(data.known[:, trials.after_rows], axis=1)
     count, asked = int(simulated.sum()), int((~trials.is_empty).sum())
-    if count < _ENOUGH * max(asked, 1):
+    if not asked:
+        yield Limit(
+            text="No pour begins with anything in the held bowl.",
+            consequence="Nothing can be said of pours: record some that begin with a bowl that is filled.",
+            fatal=True,
+        )
+        return
+    if count < _ENOUGH * asked:
         yield Limit(
             text=f"Only {count} of {asked} {motion_name(trials.kind.name, count=2)} could be simulated.",
             consequence=(

@@ -88,7 +88,7 @@ class PouredBowls:
             middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m))).astype(points.dtype)
             standing = np.where(self.inside(points)[:, None], points, middle)
             standing[:, 2] += middle[2] - standing[:, 2].mean()
-            return standing
+            return standing if self.inside(standing).all() else np.tile(middle, (len(points), 1))
         moved = points.copy()
         if wanted > len(inside):
             others = np.setdiff1d(np.arange(len(points)), inside)

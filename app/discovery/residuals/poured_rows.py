@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.discovery.dataset.bowls import PouredBowls
-from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M, contents_m
+from app.discovery.residuals.poured_contents import CONTENTS, contents_m
 from app.discovery.residuals.rows import Block, Residuals
 from app.discovery.residuals.simulation_batch import PushParticles, SimulationBatch
 
@@ -30,8 +30,7 @@ def assemble_contents(
     J = np.zeros((count, 2 * CONTENTS, len(ends)))
     spread = np.zeros((count, 2 * CONTENTS, len(replicas)))
     scale = np.array([1 / steps if steps > 0 else 0.0 for steps in apart])
-    assert trials.standing is not None
-    seen = WHOLE_M * trials.standing[:, 1:]
+    seen = _contents(bowls, trials.observed.after)
     empty = trials.is_empty
     every = np.stack([_contents(bowls, one.after) for one in (base, *replicas)])
     sides = [[_contents(bowls, side.after) for side in pair] for pair in ends]

@@ -146,12 +146,12 @@ class Predictor:
 
         So it was seen before the push, too.
         """
-        bowls, standing = trials.bowls, trials.standing
+        bowls = trials.bowls
         assert bowls is not None
-        assert standing is not None
         surface, eye = np.array([bowls.place_m]), Eye(np.asarray(trials.study.camera), None)
         by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
-        counted, first = bowls.share(trials.study.pushes[k].before.points), float(standing[k, 0])
+        seen = trials.study.pushes[k].before.points
+        counted, first = bowls.share(seen), bowls.seen_share(seen)
         outflow, lip, spilt = _POUR_STEPS * theta[self._outflow]
         more = self.more(theta) - spilt * first
         poured = bowls.worth(counted, more) * (bowls.share(points) - counted)

@@ -18,7 +18,7 @@ from app.discovery.dataset.study import ProjectionView, Push, Study
 from app.discovery.residuals.centreline_gap import centreline_gap, gap_of_displaced
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.displacement_field import MODES, PIECE_MODES, REVERSED, SHEET_MODES, Basis, register
-from app.discovery.residuals.poured_contents import CONTENTS, WHOLE_M, contents_m, standing_shares
+from app.discovery.residuals.poured_contents import CONTENTS, contents_m
 from app.discovery.residuals.tool_load import dragging
 from app.discovery.sensor_actuator_errors.base import Load
 from app.sim.rods.geometry.rope_cloud import RopeShape
@@ -69,8 +69,6 @@ class SimulationBatch:
     tools: Mapping[View, Float64[np.ndarray, "K 4"]] = field(default_factory=dict[View, Float64[np.ndarray, "K 4"]])
     """Tool in the views of each push: x and y of its place [m], and the unit vector along which it goes."""
     bowls: PouredBowls | None = None
-    standing: Float64[np.ndarray, "K 2"] | None = None
-    """Shares of a liquid in the bowl that stands, before and after each push; None of what is not poured."""
     rope: RopeShape | None = None
     """The rope of a rod, whose centreline is found in its clouds."""
 
@@ -112,8 +110,8 @@ class SimulationBatch:
 
     def gap(self, k: int, view: View, predicted: Points, observed: Points) -> Float64[np.ndarray, " R"]:
         """Residuals [m] of a cloud of push `k`, the prediction of a view: that which makes it the observation."""
-        if self.bowls is not None and self.standing is not None:
-            return WHOLE_M * self.standing[k, 1:] - contents_m(self.bowls, predicted)
+        if self.bowls is not None:
+            return contents_m(self.bowls, observed) - contents_m(self.bowls, predicted)
         basis = self.basis(k, view, predicted)
         if self.rope is None:
             return register(predicted, observed, basis)
@@ -234,7 +232,6 @@ def prepare(study: Study, subject: Subject) -> SimulationBatch:
         smooth=subject.rods is not None,
         kind=subject.kind,
         bowls=subject.bowls,
-        standing=None if subject.bowls is None else standing_shares(subject.bowls, pushes),
         rope=None if subject.rods is None else RodStart.of(subject.rods.scene).shape,
         tools={
             "during": _tools_at(pushes, starts, stops),
