@@ -101,7 +101,7 @@ def test_the_pour_that_is_asked_for_tells_two_models_apart_by_amounts() -> None:
     thick = nominal.copy()
     thick[predictor.catalogue.column("liquid_viscosity")] = 8.0
     rivals = {"nothing missing": (0.5, nominal), "liquid_viscosity": (0.5, thick)}
-    found = next_push(predictor, prepare(study, pours.SUBJECT), rivals, count=3, height_m=0.0)
+    found = next_push(predictor, prepare(study, pours.SUBJECT), rivals, count=8, height_m=0.0)
     assert found is not None
     shares = [pours.BOWLS.share(end) for end in found.ends]
     assert found.apart_mm == pytest.approx(100 * abs(shares[0] - shares[1]), abs=0.01)
