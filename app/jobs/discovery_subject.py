@@ -194,8 +194,11 @@ def _subject_of_liquid(task: Task, poured: Liquid | Soup, priors: Sequence[Param
 
 def _with_rougher_bowls(scene: Scene) -> Scene:
     """The scene with bowls as rough as its cells need them."""
-    bowls = [bowl for bowl in scene.tools if isinstance(bowl, BowlCollider)]
-    return replace(scene, tools=tuple(replace(bowl, friction=_ROUGHER * bowl.friction) for bowl in bowls))
+    tools = (
+        replace(tool, friction=_ROUGHER * tool.friction) if isinstance(tool, BowlCollider) else tool
+        for tool in scene.tools
+    )
+    return replace(scene, tools=tuple(tools))
 
 
 def _with_stiff_pieces(scene: Scene, soup: Soup, stiffness_pa: float) -> Scene:

@@ -18,8 +18,9 @@ _MM = 1e3
 def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
     """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
     simulated = np.any(data.known[:, trials.after_rows], axis=1)
-    count, asked = int(simulated.sum()), int((~trials.is_empty).sum())
-    if not asked:
+    empty = trials.is_empty
+    count, asked = int(simulated.sum()), int((~empty).sum())
+    if len(data) and empty.all():
         yield Limit(
             text="No pour begins with anything in the held bowl.",
             consequence="Nothing can be said of pours: record some that begin with a bowl that is filled.",

@@ -81,14 +81,10 @@ class PouredBowls:
         For counting: those that are moved lie all at one point, in the bowl or above it, where no liquid could be.
         Where all is in the bowl, it stands as high as its level tells as much.
         """
-        inside = np.flatnonzero(self.inside(points))
         wanted = round(max(share, 0.0) * len(points))
         if wanted >= len(points):
-            depth_m = cap_depth_m(share * self.volume_m3, self.radius_m)
-            middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m))).astype(points.dtype)
-            standing = np.where(self.inside(points)[:, None], points, middle)
-            standing[:, 2] += middle[2] - standing[:, 2].mean()
-            return standing if self.inside(standing).all() else np.tile(middle, (len(points), 1))
+            return self._standing(points, share)
+        inside = np.flatnonzero(self.inside(points))
         moved = points.copy()
         if wanted > len(inside):
             others = np.setdiff1d(np.arange(len(points)), inside)
@@ -96,6 +92,14 @@ class PouredBowls:
         else:
             moved[inside[: len(inside) - wanted]] = np.add(self.place_m, (0.0, 0.0, 4 * self.radius_m))
         return moved
+
+    def _standing(self, points: Points, share: float) -> Points:
+        """The points, all of them in the bowl that stands, as high as this share of the liquid stands in it."""
+        depth_m = cap_depth_m(share * self.volume_m3, self.radius_m)
+        middle = np.subtract(self.place_m, (0.0, 0.0, cap_centroid_m(depth_m, self.radius_m))).astype(points.dtype)
+        standing = np.where(self.inside(points)[:, None], points, middle)
+        standing[:, 2] += middle[2] - standing[:, 2].mean()
+        return standing if self.inside(standing).all() else np.tile(middle, (len(points), 1))
 
 
 def _within(points: Points, centre: Float64[np.ndarray, "3"], radius_m: float) -> Bool[np.ndarray, " N"]:

@@ -309,5 +309,4 @@ def _numeric(name: str, about: str, low: float = 0.0, null_prior: NullPrior | No
         scale="linear",
         about=about,
         null_prior=null_prior,
-        rod_null_prior=null_prior,
     )

@@ -42,7 +42,7 @@ class Predictor:
         told = {c for effect, first in catalogue.apparatus if effect.told for c in _range(effect, first)}
         self._felt = [column for column in range(len(specs)) if column not in seen]
         self._felt_beside_log = [column for column in self._felt if column not in told]
-        self._outflow = [specs.index(name) for name in POUR_NUMERICS] if subject.kind.is_poured else []
+        self._pour_columns = [specs.index(name) for name in POUR_NUMERICS] if subject.kind.is_poured else []
         self._kept = dict[tuple[bytes, ...], tuple[Points, Points]]()
         self._platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
 
@@ -152,7 +152,7 @@ class Predictor:
         by_m = float((self.project(surface, eye, theta) - surface)[0, 2])
         seen = trials.study.pushes[k].before.points
         counted, first = bowls.share(seen), bowls.seen_share(seen)
-        outflow, lip, spilt = _POUR_STEPS * theta[self._outflow]
+        outflow, lip, spilt = _POUR_STEPS * theta[self._pour_columns]
         more = self.more(theta) - spilt * first
         poured = bowls.worth(counted, more) * (bowls.share(points) - counted)
         poured += outflow * poured - lip * min(max(poured / POUR_NUMERICS["lip_height"].step, 0.0), 1.0)

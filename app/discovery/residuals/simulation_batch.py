@@ -90,7 +90,7 @@ class SimulationBatch:
     def is_empty(self) -> Bool[np.ndarray, " K"]:
         """Mask of the pours in which nothing is seen to be held: whatever flows is not simulated."""
         bowls = self.bowls
-        return np.array([bowls is not None and bool(bowls.inside(cloud).all()) for cloud in self.clouds])
+        return np.array([bowls is not None and bool(bowls.inside(cloud).all()) for cloud in self.clouds], bool)
 
     @property
     def after_rows(self) -> slice:
