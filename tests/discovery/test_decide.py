@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.discovery.inference import decide
-from app.discovery.inference.decide import without_rivals
+from app.discovery.inference.decide import exchange_strong, without_rivals
 from app.discovery.inference.held_out import (
     HeldOutGain,
     earned_by_either,
@@ -24,6 +24,8 @@ from app.jobs.discovery_subject import subject_of
 from app.tasks import load
 from tests.discovery.exact import exact_model
 from tests.discovery.made_up import ALL, K, R, screening
+
+EYES = "hand_eye_translation", "hand_eye_rotation"
 
 
 def with_cause(size: float) -> tuple[Screening, CandidateCause]:
@@ -145,3 +147,26 @@ def test_one_episode_that_ends_otherwise_does_not_outweigh_nine(outlier: float) 
 
 def test_one_episode_earns_nothing() -> None:
     assert not is_earned(trimmed_mean(np.array([80.0])))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "promised", "noise_m", "exchanged"),
+    [
+        (1900.0, 660.0, 5e-3, True),
+        (1720.0, 660.0, 5e-3, False),
+        (1900.0, 1870.0, 5e-3, False),
+        (1900.0, 660.0, 1e-3, False),
+    ],
+    ids=["told by refits", "by no more than chaos", "likeliest is badly refitted", "no episode bears it out"],
+)
+def test_refits_tell_strong_errors_of_cameras_from_each_other(
+    evidence: float, promised: float, noise_m: float, exchanged: bool
+) -> None:
+    subject = subject_of(load("rope_push"))
+    shift, turn = (exact_model(subject, subject.catalogue(), (cause,), {}) for cause in EYES)
+    # What is left of the data by a shift, where the noise is larger.
+    left = replace(shift.data, r=noise_m * np.random.default_rng(1).normal(size=shift.data.r.shape))
+    shift, turn = replace(shift, data=left, log_evidence=1680.0), replace(turn, log_evidence=evidence)
+    probabilities = {EYES[0]: 0.94, EYES[1]: 0.05, "draught": 0.005}
+    found = exchange_strong(probabilities, shift, [turn], promised)
+    assert found == ({**probabilities, EYES[0]: 0.05, EYES[1]: 0.94} if exchanged else probabilities)

@@ -7,7 +7,7 @@ simulated anew under a model that is hardly another one they are 20 to 60 nats m
 several rounds finds some of them where nothing is. Either counts as far as development recordings showed it to.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias, final
 
@@ -51,6 +51,8 @@ NAMED = 0.8
 _SHORTLIST = 5
 _WORTH = 0.05
 """Probability above which a cause is refitted."""
+_RIVAL = 0.5
+"""Share of the likeliest's evidence from which another strong error of cameras or arm is refitted besides."""
 _AT_END = 0.05
 """Tolerance, in steps, within which a parameter is at the end of its range."""
 _CLOSE = 3.0
@@ -58,7 +60,7 @@ _CLOSE = 3.0
 _MOST = 3
 _APPARATUS = "sensing", "actuation"
 _ASKED = 2
-"""Candidates for a further cause that are refitted."""
+"""Candidates for a further cause that are refitted, and rivals of a strong one."""
 ENOUGH = CHANCE + _ROUGH
 """Logarithm of the Bayes factor that a further cause must have against the model without it, both refitted."""
 
@@ -86,21 +88,28 @@ class ModelSelection:
 def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, said: Progress) -> ModelSelection:
     """Refit the shortlist, weigh it, and add causes while they are needed.
 
-    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is. A further one
-    is asked about where the first makes left-out episodes more likely.
+    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is, and which of
+    two strong errors of cameras and arm it is (`exchange_strong`). A further one is asked about where the first makes
+    left-out episodes more likely.
     """
     singles, catalogue = list[RefinedModel](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
     # A refit of pieces, simulated from several beginnings, or of a liquid takes as long as a quarter of the screening.
     first = measured or (probabilities_of(screening, ()) if not catalogue.kind.has_length else None)
-    for suspect in shortlist(screening) if first is None else _probable(screening, first[0]):
+    strong = _strong_errors(catalogue, screening) if catalogue.rods else frozenset[str]()
+    for suspect in shortlist(screening) if first is None else _probable(screening, first[0], strong):
         said(f"refitting {suspect.cause}")
-        probable = first is None or first[0][suspect.cause] > _WORTH
+        probable = first is None or first[0][suspect.cause] > _WORTH or suspect.cause in strong
         singles.append(refit_cause(predictor, trials, screening, suspect, thorough=probable))
     probabilities, nothing = measured or probabilities_of(screening, singles)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
+    if singles[0].causes[0] in strong:
+        rivals = [model for model in singles[1:] if model.causes[0] in strong and is_sized(catalogue, model)]
+        promised = next(each.finding.log_bayes for each in screening.suspects if each.cause == singles[0].causes[0])
+        probabilities = exchange_strong(probabilities, singles[0], rivals, screening.weighing.log_evidence + promised)
+        singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
     held = held_out_gain((screening.data, screening.prior), best) if sure else None
@@ -154,10 +163,50 @@ def _rivals(catalogue: Catalogue, steps: Sequence[Step], cause: str) -> list[int
     return [n for n, step in enumerate(steps) if families.get(step.cause) in _APPARATUS]
 
 
-def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[CandidateCause]:
-    """The suspects that are worth a refit by their probability so far; one at least."""
+def _probable(
+    screening: Screening, probabilities: Mapping[str, float], strong: Collection[str]
+) -> list[CandidateCause]:
+    """The suspects that are worth a refit by their probability so far; one at least.
+
+    `strong`: errors of cameras and arm, of which those with the most evidence are refitted beside a likelier one.
+    """
     suspects = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])
-    return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
+    probable = [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
+    if suspects[0].cause not in strong:
+        return probable
+    least = _RIVAL * suspects[0].finding.log_bayes
+    rivals = [each for each in screening.suspects if each.cause in strong and each.finding.log_bayes > least]
+    return probable + [rival for rival in rivals[: 1 + _ASKED] if rival not in probable]
+
+
+def _strong_errors(catalogue: Catalogue, screening: Screening) -> frozenset[str]:
+    """Errors of cameras and arm whose evidence by the screening is so large that only refits count."""
+    families = {cause.name: cause.family for cause in catalogue.causes}
+    return frozenset(
+        suspect.cause
+        for suspect in screening.suspects
+        if families.get(suspect.cause) in _APPARATUS and suspect.finding.log_bayes > _LINEAR
+    )
+
+
+def exchange_strong(
+    probabilities: Mapping[str, float], likeliest: RefinedModel, rivals: Sequence[RefinedModel], promised: float
+) -> dict[str, float]:
+    """Probabilities in which the likeliest cause and a rival have changed places, if refits say so.
+
+    What a strong error does is not linear in its size: cameras that are turned by a typical angle see everything a
+    centimetre aside, which slopes about the nominal model explain as a shift, with a third of the evidence that
+    either has once it is refitted. A rival's evidence has to be larger than that of the likeliest cause, refitted and
+    as the screening `promised`, by more than chaos makes of refits, and left-out episodes have to bear it out.
+    """
+    found, cause = dict(probabilities), likeliest.causes[0]
+    least = max(likeliest.log_evidence, promised) + CHANCE
+    for rival in sorted(rivals, key=lambda model: -model.log_evidence):
+        if rival.log_evidence > least and is_earned(held_out_gain((likeliest.data, likeliest.prior), rival)):
+            other = rival.causes[0]
+            found[cause], found[other] = found[other], found[cause]
+            break
+    return found
 
 
 def is_sized(catalogue: Catalogue, model: RefinedModel) -> bool:
