@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.discovery.inference import decide
-from app.discovery.inference.decide import exchange_strong, without_rivals
+from app.discovery.inference.decide import settle_strong, without_rivals
 from app.discovery.inference.held_out import (
     HeldOutGain,
     earned_by_either,
@@ -150,23 +150,46 @@ def test_one_episode_earns_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("evidence", "promised", "noise_m", "exchanged"),
+    ("evidence", "promised", "noise_m", "shares"),
     [
-        (1900.0, 660.0, 5e-3, True),
-        (1720.0, 660.0, 5e-3, False),
-        (1900.0, 1870.0, 5e-3, False),
-        (1900.0, 660.0, 1e-3, False),
+        (1900.0, 660.0, 5e-3, (0.0, 0.99)),
+        (1720.0, 660.0, 5e-3, (0.94, 0.05)),
+        (1900.0, 1870.0, 5e-3, (0.94, 0.05)),
+        (1900.0, 660.0, 1e-3, (0.94, 0.05)),
+        (1500.0, 660.0, 1e-3, (0.94, 0.05)),
+        (1500.0, 660.0, 1e-4, (0.99, 0.0)),
     ],
-    ids=["told by refits", "by no more than chaos", "likeliest is badly refitted", "no episode bears it out"],
+    ids=[
+        "told by refits",
+        "by no more than chaos",
+        "likeliest is badly refitted",
+        "no episode bears it out",
+        "likeliest is better by its evidence alone",
+        "likeliest is better",
+    ],
 )
 def test_refits_tell_strong_errors_of_cameras_from_each_other(
-    evidence: float, promised: float, noise_m: float, exchanged: bool
+    evidence: float, promised: float, noise_m: float, shares: tuple[float, float]
 ) -> None:
     subject = subject_of(load("rope_push"))
-    shift, turn = (exact_model(subject, subject.catalogue(), (cause,), {}) for cause in EYES)
-    # What is left of the data by a shift, where the noise is larger.
+    known = subject.catalogue()
+    shift, turn = (exact_model(subject, known, (cause,), {}) for cause in EYES)
+    # What a shift leaves of the data; a turn leaves a millimetre.
     left = replace(shift.data, r=noise_m * np.random.default_rng(1).normal(size=shift.data.r.shape))
     shift, turn = replace(shift, data=left, log_evidence=1680.0), replace(turn, log_evidence=evidence)
+    turn = replace(
+        turn, estimate=turn.estimate + 0.5 * (np.arange(len(turn.estimate)) == known.column("hand_eye_turn_x"))
+    )
     probabilities = {EYES[0]: 0.94, EYES[1]: 0.05, "draught": 0.005}
-    found = exchange_strong(probabilities, shift, [turn], promised)
-    assert found == ({**probabilities, EYES[0]: 0.05, EYES[1]: 0.94} if exchanged else probabilities)
+    found = settle_strong(known, probabilities, [shift, turn], {EYES[0]: promised, EYES[1]: 490.0})
+    assert (found[EYES[0]], found[EYES[1]]) == pytest.approx(shares)
+    assert found["draught"] == probabilities["draught"]
+
+
+def test_a_turn_that_is_not_there_by_its_interval_rules_nothing_out() -> None:
+    subject = subject_of(load("rope_push"))
+    shift, turn = (exact_model(subject, subject.catalogue(), (cause,), {}) for cause in EYES)
+    left = replace(shift.data, r=5 * shift.data.r)
+    shift, turn = replace(shift, data=left, log_evidence=1680.0), replace(turn, log_evidence=1900.0)
+    probabilities = {EYES[0]: 0.94, EYES[1]: 0.05}
+    assert settle_strong(subject.catalogue(), probabilities, [shift, turn], dict.fromkeys(EYES, 0.0)) == probabilities

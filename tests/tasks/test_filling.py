@@ -1,5 +1,7 @@
 """Filling a bowl to a mark: goals are of two pools, and what is in the wrong bowl costs its way to the other."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -61,13 +63,28 @@ def test_what_is_in_the_wrong_bowl_costs_the_way_between_them(task: Task) -> Non
     wanted = success.bowl.share(goal)
     at = [wanted - 0.2, wanted - 0.1, wanted, wanted + 0.1]
     x = jnp.asarray(np.stack([problems.pools(share, COUNT) for share in at]))
-    cost_m2, chamfer = np.asarray(distance(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
+    exact = replace(distance, below=0.0)
+    cost_m2, chamfer = np.asarray(exact(x, jnp.asarray(goal))), np.asarray(chamfer_m2(x, jnp.asarray(goal)[None]))
     # Soft borders count what is near the wall and the rim as partly outside.
     np.testing.assert_allclose(
         (cost_m2 - chamfer) / distance.apart_m**2, [0.2, 0.1, 0.0, 0.1], rtol=0.3, atol=1 / COUNT
     )
     assert cost_m2.argmin() == 2
     assert (chamfer[[1, 3]] < 0.1 * distance.apart_m**2).all()
+
+
+@filling
+def test_plans_aim_below_the_mark_by_less_than_counts_as_filled(task: Task) -> None:
+    problems, success, distance = parts(task)
+    goal = task.goal(0, COUNT)
+    wanted = success.bowl.share(goal)
+    at = wanted + np.arange(-0.08, 0.081, 0.01)
+    x = jnp.asarray(np.stack([problems.pools(share, COUNT) for share in at]))
+    aimed = float(at[np.asarray(distance(x, jnp.asarray(goal))).argmin()])
+    assert aimed < wanted - 0.01
+    assert success.is_reached(problems.pools(aimed, COUNT), goal)
+    assert isinstance(task.stop_when, Filled)
+    assert task.stop_when.is_reached(problems.pools(aimed, COUNT), goal)
 
 
 @filling

@@ -89,7 +89,7 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     """Refit the shortlist, weigh it, and add causes while they are needed.
 
     Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is, and which of
-    two strong errors of cameras and arm it is (`exchange_strong`). A further one is asked about where the first makes
+    two strong errors of cameras and arm it is (`settle_strong`). A further one is asked about where the first makes
     left-out episodes more likely.
     """
     singles, catalogue = list[RefinedModel](), predictor.catalogue
@@ -106,9 +106,11 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     if singles[0].causes[0] in strong:
-        rivals = [model for model in singles[1:] if model.causes[0] in strong and is_sized(catalogue, model)]
-        promised = next(each.finding.log_bayes for each in screening.suspects if each.cause == singles[0].causes[0])
-        probabilities = exchange_strong(probabilities, singles[0], rivals, screening.weighing.log_evidence + promised)
+        refitted = [model for model in singles if model.causes[0] in strong]
+        promised = {
+            suspect.cause: screening.weighing.log_evidence + suspect.finding.log_bayes for suspect in screening.suspects
+        }
+        probabilities = settle_strong(catalogue, probabilities, refitted, promised)
         singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
@@ -189,23 +191,33 @@ def _strong_errors(catalogue: Catalogue, screening: Screening) -> frozenset[str]
     )
 
 
-def exchange_strong(
-    probabilities: Mapping[str, float], likeliest: RefinedModel, rivals: Sequence[RefinedModel], promised: float
+def settle_strong(
+    catalogue: Catalogue,
+    probabilities: Mapping[str, float],
+    refitted: Sequence[RefinedModel],
+    promised: Mapping[str, float],
 ) -> dict[str, float]:
-    """Probabilities in which the likeliest cause and a rival have changed places, if refits say so.
+    """Probabilities in which a strong error of cameras or arm has those of others that refits rule out.
 
     What a strong error does is not linear in its size: cameras that are turned by a typical angle see everything a
     centimetre aside, which slopes about the nominal model explain as a shift, with a third of the evidence that
-    either has once it is refitted. A rival's evidence has to be larger than that of the likeliest cause, refitted and
-    as the screening `promised`, by more than chaos makes of refits, and left-out episodes have to bear it out.
+    either has once it is refitted. `refitted`: the likeliest first. The best of them, or else the likeliest, rules out
+    those whose evidence, refitted and as the screening `promised`, is less by more than chaos makes of refits, if
+    left-out episodes bear it out.
     """
-    found, cause = dict(probabilities), likeliest.causes[0]
-    least = max(likeliest.log_evidence, promised) + CHANCE
-    for rival in sorted(rivals, key=lambda model: -model.log_evidence):
-        if rival.log_evidence > least and is_earned(held_out_gain((likeliest.data, likeliest.prior), rival)):
-            other = rival.causes[0]
-            found[cause], found[other] = found[other], found[cause]
-            break
+
+    def is_ruled_out(other: RefinedModel, by: RefinedModel) -> bool:
+        least = max(other.log_evidence, promised[other.causes[0]]) + CHANCE
+        return by.log_evidence > least and is_earned(held_out_gain((other.data, other.prior), by))
+
+    likeliest, found = refitted[0], dict(probabilities)
+    best = max(refitted, key=lambda model: model.log_evidence)
+    if best is not likeliest and not (is_sized(catalogue, best) and is_ruled_out(likeliest, best)):
+        best = likeliest
+    for other in refitted:
+        if other is not best and is_ruled_out(other, best):
+            found[best.causes[0]] += found[other.causes[0]]
+            found[other.causes[0]] = 0.0
     return found
 
 
