@@ -159,10 +159,13 @@ def without_rivals(catalogue: Catalogue, model: RefinedModel, further: str) -> R
 
 def _rivals(catalogue: Catalogue, steps: Sequence[Step], cause: str) -> list[int]:
     """Steps of errors of cameras and arm, where a cause is one."""
-    families = {cause.name: cause.family for cause in catalogue.causes}
-    if families[cause] not in _APPARATUS:
-        return []
-    return [n for n, step in enumerate(steps) if families.get(step.cause) in _APPARATUS]
+    apparatus = _apparatus(catalogue)
+    return [n for n, step in enumerate(steps) if step.cause in apparatus] if cause in apparatus else []
+
+
+def _apparatus(catalogue: Catalogue) -> frozenset[str]:
+    """Causes that are errors of cameras or arm."""
+    return frozenset(cause.name for cause in catalogue.causes if cause.family in _APPARATUS)
 
 
 def _probable(
@@ -183,12 +186,8 @@ def _probable(
 
 def _strong_errors(catalogue: Catalogue, screening: Screening) -> frozenset[str]:
     """Errors of cameras and arm whose evidence by the screening is so large that only refits count."""
-    families = {cause.name: cause.family for cause in catalogue.causes}
-    return frozenset(
-        suspect.cause
-        for suspect in screening.suspects
-        if families.get(suspect.cause) in _APPARATUS and suspect.finding.log_bayes > _LINEAR
-    )
+    strong = {suspect.cause for suspect in screening.suspects if suspect.finding.log_bayes > _LINEAR}
+    return _apparatus(catalogue) & strong
 
 
 def settle_strong(
@@ -206,18 +205,20 @@ def settle_strong(
     left-out episodes bear it out.
     """
 
-    def is_ruled_out(other: RefinedModel, by: RefinedModel) -> bool:
+    def rules_out(model: RefinedModel, other: RefinedModel) -> bool:
         least = max(other.log_evidence, promised[other.causes[0]]) + CHANCE
-        return by.log_evidence > least and is_earned(held_out_gain((other.data, other.prior), by))
+        return model.log_evidence > least and is_earned(held_out_gain((other.data, other.prior), model))
 
     likeliest, found = refitted[0], dict(probabilities)
     best = max(refitted, key=lambda model: model.log_evidence)
-    if best is not likeliest and not (is_sized(catalogue, best) and is_ruled_out(likeliest, best)):
+    if not is_sized(catalogue, best):
         best = likeliest
-    for other in refitted:
-        if other is not best and is_ruled_out(other, best):
-            found[best.causes[0]] += found[other.causes[0]]
-            found[other.causes[0]] = 0.0
+    out = [other for other in refitted if rules_out(best, other)]
+    if best is not likeliest and likeliest not in out:
+        best, out = likeliest, [other for other in refitted if rules_out(likeliest, other)]
+    for other in out:
+        found[best.causes[0]] += found[other.causes[0]]
+        found[other.causes[0]] = 0.0
     return found
 
 

@@ -25,7 +25,7 @@ class ToMark:
 
     bowl: MarkedBowl
     apart_m: float
-    below: float = 0.0
+    below: float
 
     def __call__(self, x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
         """Distance [m^2] of each candidate."""
