@@ -192,6 +192,7 @@ class Proposal(Message):
     chamfer_m2: float
     predicted_chamfer_m2: float
     plan_s: float
+    ahead: bool = False  # Made while the arm still moved, for where the object was predicted to lie.
 
     @property
     def chosen(self) -> Branch:

@@ -21,7 +21,7 @@ from app.jobs import worker_api
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.search.plan import Plan
-from app.planner.search.request import remainder_of
+from app.planner.search.request import Ahead, remainder_of
 from app.rig.simulated.hidden_world import HiddenWorld
 from app.rig.simulated.lockstep import LockStep
 from app.session.approving import approval_gate
@@ -44,7 +44,8 @@ class EvaluationConfig:
 
     `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
     `otherwise`: the fallback if `method` finds no feasible action; None: `method` again. `hidden`: what is hidden in
-    the cell.
+    the cell. `ahead`: as in the application, the next motion is planned while one is made, for where the object is
+    predicted to lie, and taken where that holds; no decision counts the time of that.
     """
 
     task: Task
@@ -58,6 +59,7 @@ class EvaluationConfig:
     play_on: bool = False
     otherwise: Method | None = None
     hidden: HiddenWorld | None = None
+    ahead: bool = False
 
     @cached_property
     def episode(self) -> EpisodeConfig:
@@ -98,14 +100,16 @@ class EpisodeStep:
 class EpisodeResults:
     """Results of an episode so far. Distances, shares and successes are of the truth, initially and after each action.
 
-    `done`: number of actions after which the object was first observed at the goal, which is when an operator would
-    stop; None if it never was. `failure`: the reason of an early end, in words.
+    `ahead`: True for each action that was planned ahead. `done`: number of actions after which the object was first
+    observed at the goal, which is when an operator would stop; None if it never was. `failure`: the reason of an early
+    end, in words.
     """
 
     chamfer_m2: list[float] = field(default_factory=list[float])
     share: list[float] = field(default_factory=list[float])
     reached: list[bool] = field(default_factory=list[bool])
     decision_s: list[float] = field(default_factory=list[float])
+    ahead: list[bool] = field(default_factory=list[bool])
     models: list[Model] = field(default_factory=list[Model])
     done: int | None = None
     failure: str = ""
@@ -171,6 +175,7 @@ class _LockStepStages:
         self._frames: Sequence[Frame] = ()
         self._near: Centreline | None = None
         self._last: tuple[Branch, Points] | None = None
+        self._ahead: Ahead | None = None
         self._orientation = UNKNOWN
         self.played, self._over = EpisodeResults(), False
 
@@ -195,6 +200,7 @@ class _LockStepStages:
         began_s = time.perf_counter()
         plan = self._plan(observed.positions, len(self.played.decision_s))
         self.played.decision_s.append(time.perf_counter() - began_s)
+        self.played.ahead.append(plan.ahead)
         self._remember(observed.positions)
         now_s = self._cell.time_s  # Planning takes none of the world's time.
         return _Offer(plan, self._order.episode.proposal(plan, observed, self._model, began_s=now_s, now_s=now_s))
@@ -215,6 +221,8 @@ class _LockStepStages:
         plan = leave.offer.plan
         self._near, self._last = plan.centreline, (plan.branches[plan.best], self._seen.positions)
         self._judge()
+        if self._order.ahead:
+            self._look_ahead(plan)
         return made
 
     async def learn(self, made: _Made) -> None:
@@ -284,23 +292,33 @@ class _LockStepStages:
 
     def _plan(self, x: Points, index: int) -> Plan:
         order = self._order
-        remainder = None if self._last is None else remainder_of(*self._last, x)
+        ahead, self._ahead = self._ahead, None
         for attempt in range(_ATTEMPTS):
-            seed = hash((order.seed, index, attempt)) % 2**31
-            method = order.otherwise if attempt and order.otherwise else self._method
             try:
-                return worker_api.plan(
-                    *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
-                    tool=self._cell.tool,
-                    method=method,
-                    near=self._near,
-                    orientation=self._orientation,
-                    remainder=remainder,
-                )
+                return self._plan_once(x, (order.seed, index, attempt), None if attempt else ahead)
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:
                     raise
         raise AssertionError("the last attempt returns or raises")
+
+    def _plan_once(self, x: Points, seeds: tuple[int, ...], ahead: Ahead | None = None) -> Plan:
+        order, repeated = self._order, seeds[-1] > 0
+        return worker_api.plan(
+            *(self._task.name, order.preset, x, self._goal, self._model, hash(seeds) % 2**31, self._site),
+            tool=self._cell.tool,
+            method=order.otherwise if repeated and order.otherwise else self._method,
+            near=self._near,
+            orientation=self._orientation,
+            remainder=None if self._last is None else remainder_of(*self._last, x),
+            ahead=ahead,
+        )
+
+    def _look_ahead(self, made: Plan) -> None:
+        """Plan for where the object is predicted to lie, before it is looked at."""
+        index = len(self.played.decision_s)
+        with suppress(PlanningError):
+            found = self._plan_once(made.predicted, (self._order.seed, index, 0))
+            self._ahead = Ahead(predicted=made.predicted, branches=found.branches)
 
     def _remember(self, x: Points) -> None:
         """Let a policy that acts alone remember its next actions; in a tree another action may have been made."""

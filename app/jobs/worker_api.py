@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from app.jobs.apparatus_compensation import Correction
     from app.jobs.jit_cache import Calibrated
     from app.planner.search.plan import Plan
-    from app.planner.search.request import Actions, Ways
+    from app.planner.search.request import Actions, Ahead, Ways
 
 
 def plan(
@@ -49,6 +49,7 @@ def plan(
     near: Centreline | None = None,
     orientation: Orientation = UNKNOWN,
     remainder: Actions | None = None,
+    ahead: Ahead | None = None,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
@@ -57,7 +58,8 @@ def plan(
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
     anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
     is another one while there is one; `near`, where the plan before predicted a rope's nodes, if the object is as its
-    motion left it; `orientation`, what is known of its ends; `remainder`, what that plan was to go on with (L, A).
+    motion left it; `orientation`, what is known of its ends; `remainder`, what that plan was to go on with (L, A);
+    `ahead`, a plan made for where the object was predicted to lie now, taken where that came true and where it holds.
     Raises PlanningError where no branch stays finite, and leaves a dump of one that did not; UsageError for an unknown
     task or preset.
     """
@@ -66,6 +68,13 @@ def plan(
 
     where, allowed_for = site or Site(), correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
+    search = getattr(planner, "search", None)
+    if ahead is not None and not ahead.came_true(observed):
+        ahead = None
+    if ahead is not None and search is not None:
+        from app.planner.search.ahead import AheadPlanner
+
+        planner = AheadPlanner(planner=planner, search=search)
     x = allowed_for.unproject(observed, tool) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
     request = PlanRequest(
@@ -78,11 +87,11 @@ def plan(
         rejected=rejected,
         near=near,
         remainder=remainder if method.continuing else None,
+        ahead=ahead,
     )
     try:
         return allowed_for.plan(planner, request) if allowed_for else planner(request)
     except PlanningError as error:
-        search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
             raise
         from app.jobs import failures

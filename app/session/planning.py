@@ -4,9 +4,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, final
 
+import anyio
 import numpy as np
 from jaxtyping import Float32
 
+from app.arm.path import route
 from app.config import Site
 from app.core.announcer import MessageBus
 from app.core.dialogue import words
@@ -29,7 +31,7 @@ from app.jobs.worker_api import (
     warm_up_stage,
     warm_up_stages,
 )
-from app.planner.search.request import remainder_of
+from app.planner.search.request import Ahead, remainder_of
 from app.session.suggested_motions import Asking, Probing
 from app.tasks.elements.base import EpisodeConfig
 
@@ -56,6 +58,8 @@ class Planning:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
         self._asking = Asking(config, announcer, planner, site, probing)
+        self._probing = probing
+        self.ahead = PlanningAhead(planner)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None
         self._doubted = ""
@@ -66,6 +70,7 @@ class Planning:
         self._last: Proposal | None = None
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
+        self._lasting_s = np.inf
 
     async def begin(self, config: EpisodeConfig, do: Callable[[str], None]) -> Model:
         """Start the planner's process, reported to `do`, and return the initial model."""
@@ -134,6 +139,25 @@ class Planning:
             return None
         return self._propose(config, found, observed, model, (began_s, self._clock.now()))
 
+    def look_ahead(
+        self, config: EpisodeConfig, proposal: Proposal, model: Model, tool: ToolPose, seed: int, *, at: int
+    ) -> None:
+        """Plan for where the object is predicted to lie once the arm has made this motion from `tool`.
+
+        Only where the motion lasts as long as a decision of late: whoever finds the prediction wrong then waits no
+        longer for a plan than without it. `at`: as for `proposal`.
+        """
+        way, speeds = route(tool, proposal.motion, self._site)
+        lasts_s = float((np.linalg.norm(np.diff(way[:, :3], axis=0), axis=1) / speeds).sum())
+        then = proposal.chosen.predicted
+        done = config.task.has_ended(then, config.goal.positions, way[-1])
+        if done or self._lasting_s > lasts_s or config.method.alone or self._probing.active:
+            return
+        remainder = remainder_of(proposal.chosen, proposal.observed, then)
+        arguments = (config.task.name, config.preset, then, config.goal.positions, model, seed, self._site, way[-1])
+        lies = self._predicted.get(proposal.id), self._orientation
+        self.ahead.begin((*arguments, config.method, (), *lies, remainder), then, at=at)
+
     def offer_next(self, changed: Proposal, at: int) -> None:
         """Propose it before the next plan, unless plans have become void since `at` (`SessionState.interruptions`)."""
         self._changed = at, changed
@@ -157,6 +181,7 @@ class Planning:
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
         self._predicted.clear()
+        ahead = await self.ahead.plan(at=at)
         await self._track(config)
         started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
         lies = self._near, self._orientation
@@ -166,7 +191,7 @@ class Planning:
             try:
                 found = await self._asking.plan(observed, goal, model, *lies, tool) or await self._planner.run(
                     *(plan, config.task.name, config.preset, x, goal, model, seed, self._site, tool, config.method),
-                    *(self._rejected, *lies, remainder),
+                    *(self._rejected, *lies, remainder, None if attempt else ahead),
                 )
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)
@@ -175,6 +200,8 @@ class Planning:
             else:
                 await self._doubt(config, x)
                 now_s = self._clock.now()
+                if not found.ahead:
+                    self._lasting_s = now_s - started_s
                 return self._announcer.say(self._propose(config, found, observed, model, (started_s, now_s)))
         raise AssertionError("the last attempt returns or raises")
 
@@ -206,6 +233,61 @@ class Planning:
         if said and said != self._doubted:
             self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
         self._doubted = said
+
+
+@final
+class _Order:
+    """One plan to be made: arguments of `app.jobs.worker_api.plan`, and what was `found` once it is `done`.
+
+    `predicted`: the particles among them (N, 3) [m]. `at`: how often plans had become void when it was ordered
+    (`SessionState.interruptions`).
+    """
+
+    def __init__(self, arguments: tuple[object, ...], predicted: Points, at: int) -> None:
+        self.arguments, self.predicted, self.at = arguments, predicted, at
+        self.found: Ahead | None = None
+        self.done = anyio.Event()
+
+
+@final
+class PlanningAhead:
+    """Plans for where the object is predicted to lie after the motion that is being made: one at a time.
+
+    `begun`: how many have been ordered.
+    """
+
+    def __init__(self, planner: Computer) -> None:
+        self._planner = planner
+        self._orders = Latest[_Order]("plans ahead")
+        self._pending: _Order | None = None
+        self.begun = 0
+
+    def begin(self, arguments: tuple[object, ...], predicted: Points, *, at: int) -> None:
+        """Plan with these arguments of `app.jobs.worker_api.plan`, instead of what was ordered before."""
+        self._pending, self.begun = _Order(arguments, predicted, at), self.begun + 1
+        self._orders.put(self._pending)
+
+    async def run(self) -> None:
+        """Orders -> plans, for ever. Without a plan the next decision plans anew, and says what is wrong."""
+        async for order in self._orders.changes():
+            try:
+                found = await self._planner.run(plan, *order.arguments)
+                made = Ahead(predicted=order.predicted, branches=found.branches)
+                # Simulated again as it will be where the object is seen: what that takes is compiled by then.
+                await self._planner.run(plan, *order.arguments, made)
+                order.found = made
+            except (PlanningError, WorkerError):
+                pass
+            finally:
+                order.done.set()
+
+    async def plan(self, *, at: int) -> Ahead | None:
+        """The plan, once it is made; None where none was ordered, or plans have become void since."""
+        order, self._pending = self._pending, None
+        if order is None or order.at != at:
+            return None
+        await order.done.wait()
+        return order.found
 
 
 def _orientation_text(orientation: Orientation) -> str:

@@ -44,7 +44,7 @@ class Session:
         async with it.announcer.recording(), it.sensing.perceiver, it.planner, it.learning.calibrator:
             try:
                 async with anyio.create_task_group() as stages:
-                    for part in (it.sensing, it.learning, it.watching, it.calibrating, it.preflight):
+                    for part in (it.sensing, it.learning, it.watching, it.calibrating, it.preflight, it.planning.ahead):
                         stages.start_soon(part.run)
                     stages.start_soon(self._listen)
                     stages.start_soon(it.reporting.run, it.sensing, it.learning, it.approving, it.store)

@@ -127,6 +127,8 @@ class SessionStages:
         Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
         """
         self.acts = True
+        if not is_requested(leave.proposal):
+            self._look_ahead(leave.proposal)
         executed = await self._execute(leave.approved) if not self._store.state.ended else None
         self._invalidate_observations()
         self._moved_s = self._touched_s
@@ -153,6 +155,15 @@ class SessionStages:
                 await parts.learning.put(transition)
         if approved.operator == AUTOMATIC:
             self._store.dispatch(UnaskedMotion())
+
+    def _look_ahead(self, proposal: Proposal) -> None:
+        """Plan the next motion while this one is made, unless it is the last."""
+        parts, state = self._parts, self._store.state
+        made = parts.summary.pushes + 1
+        if made - state.pushes_before < state.config.pushes or state.config.staying:
+            seed = hash((state.config.seed, made, self._attempts)) % 2**31
+            tool, at = parts.rig.arm.tool(), state.interruptions
+            parts.planning.look_ahead(state.config, proposal, state.model_in_use, tool, seed, at=at)
 
     async def _requested(self, requested: RequestedMotions, observed: Particles) -> Proposal | None:
         """The motion that was asked for, as a plan; what was asked for ends where it fits no more."""

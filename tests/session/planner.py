@@ -139,7 +139,7 @@ class Strokes:
         """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost.
 
         It predicts the rope along its motion, and would make it once more. Its terms say where the rope was predicted
-        that it was told of, and where it was to go on.
+        that it was told of, and where it was to go on. What was planned ahead it takes, whatever that is.
         """
         if self._habits.thinking_s:
             time.sleep(self._habits.thinking_s)
@@ -165,7 +165,8 @@ class Strokes:
         )
         centreline = paths[1, :, :2].T.astype(np.float32)
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
-        return _Sent((branches, 1, self._spoil(motion, request.site), observed, centreline, distance_m2, distance_m2))
+        moved, ahead = self._spoil(motion, request.site), bool(request.ahead)
+        return _Sent((branches, 1, moved, observed, centreline, distance_m2, distance_m2, ahead))
 
 
 def _branch(
@@ -197,7 +198,7 @@ def _unchanged(_: str, orientation: Orientation, *__: object) -> Orientation:
     return orientation
 
 
-_Fields = tuple[tuple[Branch, ...], int, Motion, Points, Centreline, float, float]
+_Fields = tuple[tuple[Branch, ...], int, Motion, Points, Centreline, float, float, bool]
 
 
 @final
@@ -219,6 +220,7 @@ def _arrived(
     centreline: Centreline,
     distance_m2: float,
     predicted_m2: float,
+    ahead: bool,
 ) -> "Plan":
     from app.planner.search.plan import Plan
 
@@ -230,4 +232,5 @@ def _arrived(
         centreline=centreline,
         chamfer_m2=distance_m2,
         predicted_chamfer_m2=predicted_m2,
+        ahead=ahead,
     )

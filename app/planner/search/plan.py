@@ -43,7 +43,8 @@ class Plan:
     """A decision: every branch of the tree, the index of the best, and the motion that executes its first action.
 
     `predicted (N, 3)`: the particles after that motion, `centreline`: a rope's nodes then; `chamfer_m2` of
-    the observation and `predicted_chamfer_m2` of `predicted` to the goal [m^2].
+    the observation and `predicted_chamfer_m2` of `predicted` to the goal [m^2]. `ahead`: it was made before the object
+    was seen where it is.
     """
 
     branches: tuple[Branch, ...]
@@ -53,6 +54,7 @@ class Plan:
     centreline: Centreline
     chamfer_m2: float
     predicted_chamfer_m2: float
+    ahead: bool = False
 
 
 @final

@@ -25,6 +25,28 @@ _SEEN_M2 = 2 * 0.005**2
 """Chamfer distance [m^2] of two observations of an object that lay still: noise, and where particles happen to be."""
 
 
+_SMALL = 0.1
+"""Share of what a plan made ahead promises by which the object may lie elsewhere than predicted."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ahead:
+    """A plan made while the arm moved: its branches, for particles `predicted` (N, 3) [m] to lie there then."""
+
+    predicted: Points
+    branches: Sequence[Branch]
+
+    @property
+    def promise_m2(self) -> float:
+        """Cost of the best branch below that of no motion, which is 0 [m^2]."""
+        return max((-branch.cost_after for branch in self.branches if branch.finite), default=0.0)
+
+    def came_true(self, observed: Points) -> bool:
+        """True if the object is seen (N, 3) [m] as near to where it was predicted (Chamfer) as this plan needs it."""
+        return float(chamfer_m2(self.predicted, observed)) <= _SMALL * self.promise_m2
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanRequest:
@@ -34,7 +56,8 @@ class PlanRequest:
     errs. Without a `command` the arm is commanded the motion itself.
     `rejected`: first actions, by their tool paths, that are not proposed again while there is another. `near`: the
     nodes of a rope as the plan before predicted them [m]. `remainder`: the actions with which that plan was to go on
-    (`remainder_of`), from which this one starts too. The same `seed` decides the same on a CPU.
+    (`remainder_of`), from which this one starts too. `ahead`: a plan made ahead, which is taken if it holds
+    (`app.planner.search.ahead`). The same `seed` decides the same on a CPU.
     """
 
     observed: Points
@@ -48,6 +71,7 @@ class PlanRequest:
     rejected: Ways = ()
     near: Centreline | None = None
     remainder: Actions | None = None
+    ahead: Ahead | None = None
 
 
 def remainder_of(branch: Branch, before: Points, now: Points) -> Actions | None:

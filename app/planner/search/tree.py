@@ -115,6 +115,7 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
     observed, pose = request.observed, PARKED_POSE if request.tool is None else request.tool
     here = situation(search, observed, pose, request.near)
+    phi, now = roots(request, here, count)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
     random = [np.array(search.space.sample(rng, observed, pose, missing))] if missing else []
@@ -125,8 +126,8 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
         random[0][-1], later[-1, : len(rest) - 1], given[-1, : len(rest) - 1] = rest[0], rest[1:depth], True
     return RootBatch(
         prepared=kept[0],
-        phi=jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0),
-        now=_repeat(here, count),
+        phi=phi,
+        now=now,
         first=jnp.concatenate([*kept[1], *random]),
         later=jnp.asarray(later),
         given=jnp.asarray(given),
@@ -184,6 +185,11 @@ def situation(search: TreeConfig, observed: Points, tool: ToolPose, near: Centre
     """The object as it is seen and the tool, of one candidate."""
     known = None if near is None else jnp.asarray(near)
     return PlanningState(search.begin(jnp.asarray(observed)[None], known), jnp.asarray(tool, jnp.float32)[None])
+
+
+def roots(request: PlanRequest, here: PlanningState, count: int) -> tuple[Float[Array, "B P"], PlanningState]:
+    """Model and situation of so many branches."""
+    return jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0), _repeat(here, count)
 
 
 @partial(jax.jit, static_argnums=1)

@@ -376,4 +376,5 @@ class EpisodeConfig:
             chamfer_m2=plan.chamfer_m2,
             predicted_chamfer_m2=plan.predicted_chamfer_m2,
             plan_s=now_s - began_s,
+            ahead=plan.ahead,
         )
