@@ -44,8 +44,8 @@ class EvaluationConfig:
 
     `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
     `otherwise`: the fallback if `method` finds no feasible action; None: `method` again. `hidden`: what is hidden in
-    the cell. `ahead`: as in the application, the next motion is planned while one is made, for where the object is
-    predicted to lie, and taken where that holds; no decision counts the time of that.
+    the cell. `ahead`: as by a planner that is quicker than the arm, the next motion is planned while one is made, for
+    where the object is predicted to lie, and taken where that holds; no decision counts the time of that.
     """
 
     task: Task
@@ -221,7 +221,7 @@ class _LockStepStages:
         plan = leave.offer.plan
         self._near, self._last = plan.centreline, (plan.branches[plan.best], self._seen.positions)
         self._judge()
-        if self._order.ahead:
+        if self._order.ahead and not self._method.alone:
             self._look_ahead(plan)
         return made
 
@@ -318,7 +318,7 @@ class _LockStepStages:
         index = len(self.played.decision_s)
         with suppress(PlanningError):
             found = self._plan_once(made.predicted, (self._order.seed, index, 0))
-            self._ahead = Ahead(predicted=made.predicted, branches=found.branches)
+            self._ahead = Ahead(predicted=made.predicted, branches=found.branches, best=found.best)
 
     def _remember(self, x: Points) -> None:
         """Let a policy that acts alone remember its next actions; in a tree another action may have been made."""

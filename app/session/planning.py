@@ -8,7 +8,7 @@ import anyio
 import numpy as np
 from jaxtyping import Float32
 
-from app.arm.path import route
+from app.arm.path import SCALE, route
 from app.config import Site
 from app.core.announcer import MessageBus
 from app.core.dialogue import words
@@ -59,7 +59,7 @@ class Planning:
         self._planner, self._site = planner, site
         self._asking = Asking(config, announcer, planner, site, probing)
         self._probing = probing
-        self.ahead = PlanningAhead(planner)
+        self.ahead = PlanningAhead(planner, announcer)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None
         self._doubted = ""
@@ -148,10 +148,10 @@ class Planning:
         longer for a plan than without it. `at`: as for `proposal`.
         """
         way, speeds = route(tool, proposal.motion, self._site)
-        lasts_s = float((np.linalg.norm(np.diff(way[:, :3], axis=0), axis=1) / speeds).sum())
+        lasts_s = float((np.linalg.norm(np.diff(way * SCALE, axis=0), axis=1) / speeds).sum())
         then = proposal.chosen.predicted
-        done = config.task.has_ended(then, config.goal.positions, way[-1])
-        if done or self._lasting_s > lasts_s or config.method.alone or self._probing.active:
+        others = self._probing.active or self._asking.is_due or config.method.alone
+        if others or self._lasting_s > lasts_s or config.task.has_ended(then, config.goal.positions, way[-1]):
             return
         remainder = remainder_of(proposal.chosen, proposal.observed, then)
         arguments = (config.task.name, config.preset, then, config.goal.positions, model, seed, self._site, way[-1])
@@ -181,18 +181,21 @@ class Planning:
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
         self._predicted.clear()
+        started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
         ahead = await self.ahead.plan(at=at)
         await self._track(config)
-        started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
         lies = self._near, self._orientation
         remainder = None if self._last is None else remainder_of(self._last.chosen, self._last.observed, x)
         for attempt in range(FAILURES_IN_A_ROW):
-            seed = hash((*seeds, attempt)) % 2**31
+            seed, begun_s = hash((*seeds, attempt)) % 2**31, self._clock.now()
             try:
-                found = await self._asking.plan(observed, goal, model, *lies, tool) or await self._planner.run(
+                asked = await self._asking.plan(observed, goal, model, *lies, tool)
+                found = asked or await self._planner.run(
                     *(plan, config.task.name, config.preset, x, goal, model, seed, self._site, tool, config.method),
                     *(self._rejected, *lies, remainder, None if attempt else ahead),
                 )
+                if asked is None and not found.ahead:
+                    self._lasting_s = self._clock.now() - begun_s
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)
                 if attempt + 1 == FAILURES_IN_A_ROW:
@@ -200,8 +203,6 @@ class Planning:
             else:
                 await self._doubt(config, x)
                 now_s = self._clock.now()
-                if not found.ahead:
-                    self._lasting_s = now_s - started_s
                 return self._announcer.say(self._propose(config, found, observed, model, (started_s, now_s)))
         raise AssertionError("the last attempt returns or raises")
 
@@ -256,10 +257,11 @@ class PlanningAhead:
     `begun`: how many have been ordered.
     """
 
-    def __init__(self, planner: Computer) -> None:
-        self._planner = planner
+    def __init__(self, planner: Computer, announcer: MessageBus) -> None:
+        self._planner, self._announcer = planner, announcer
         self._orders = Latest[_Order]("plans ahead")
         self._pending: _Order | None = None
+        self._compiled = False
         self.begun = 0
 
     def begin(self, arguments: tuple[object, ...], predicted: Points, *, at: int) -> None:
@@ -267,19 +269,31 @@ class PlanningAhead:
         self._pending, self.begun = _Order(arguments, predicted, at), self.begun + 1
         self._orders.put(self._pending)
 
+    def drop(self) -> None:
+        """Make no use of what was ordered: the motion was not made."""
+        self._pending = None
+
     async def run(self) -> None:
-        """Orders -> plans, for ever. Without a plan the next decision plans anew, and says what is wrong."""
+        """Orders -> plans, for ever. Without one the next decision plans anew, and says what is wrong with plans."""
         async for order in self._orders.changes():
             try:
-                found = await self._planner.run(plan, *order.arguments)
-                made = Ahead(predicted=order.predicted, branches=found.branches)
-                # Simulated again as it will be where the object is seen: what that takes is compiled by then.
-                await self._planner.run(plan, *order.arguments, made)
-                order.found = made
-            except (PlanningError, WorkerError):
+                order.found = await self._made(order)
+            except PlanningError:
                 pass
+            except DipacError as error:
+                self._announcer.fault("planner", error)
             finally:
                 order.done.set()
+
+    async def _made(self, order: _Order) -> Ahead | None:
+        found = await self._planner.run(plan, *order.arguments)
+        made = Ahead(predicted=order.predicted, branches=found.branches, best=found.best)
+        if made.promise_m2 <= 0.0:
+            return None
+        if not self._compiled:  # Once, so that the first decision need not compile what simulates it again.
+            await self._planner.run(plan, *order.arguments, made)
+            self._compiled = True
+        return made
 
     async def plan(self, *, at: int) -> Ahead | None:
         """The plan, once it is made; None where none was ordered, or plans have become void since."""

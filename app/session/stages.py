@@ -127,9 +127,10 @@ class SessionStages:
         Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
         """
         self.acts = True
-        if not is_requested(leave.proposal):
-            self._look_ahead(leave.proposal)
+        self._look_ahead(leave.proposal)
         executed = await self._execute(leave.approved) if not self._store.state.ended else None
+        if executed is None:
+            self._parts.planning.ahead.drop()
         self._invalidate_observations()
         self._moved_s = self._touched_s
         if is_requested(leave.proposal) and (executed is None or executed.outcome != "completed"):
@@ -157,13 +158,15 @@ class SessionStages:
             self._store.dispatch(UnaskedMotion())
 
     def _look_ahead(self, proposal: Proposal) -> None:
-        """Plan the next motion while this one is made, unless it is the last."""
+        """Plan the next motion while this one is made, unless it is the last or somebody asked for it."""
         parts, state = self._parts, self._store.state
-        made = parts.summary.pushes + 1
-        if made - state.pushes_before < state.config.pushes or state.config.staying:
-            seed = hash((state.config.seed, made, self._attempts)) % 2**31
-            tool, at = parts.rig.arm.tool(), state.interruptions
-            parts.planning.look_ahead(state.config, proposal, state.model_in_use, tool, seed, at=at)
+        config, made = state.config, parts.summary.pushes + 1
+        counted = config.staying and state.mode == "automatic"
+        is_last = state.motions <= 1 if counted and state.holder else made - state.pushes_before >= config.pushes
+        if is_last or is_requested(proposal) or state.stopped or state.ended:
+            return
+        seed, tool = hash((config.seed, made, self._attempts)) % 2**31, parts.rig.arm.tool()
+        parts.planning.look_ahead(config, proposal, state.model_in_use, tool, seed, at=state.interruptions)
 
     async def _requested(self, requested: RequestedMotions, observed: Particles) -> Proposal | None:
         """The motion that was asked for, as a plan; what was asked for ends where it fits no more."""

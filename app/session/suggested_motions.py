@@ -151,6 +151,11 @@ class Asking:
         self._motions, self._probing = config.asked, probing
         self._offered, self._awaited = False, ""
 
+    @property
+    def is_due(self) -> bool:
+        """True if a motion is still to be offered."""
+        return bool(self._motions)
+
     def drop_offered(self) -> None:
         """The one that was offered, if any was, has been decided on, and is not offered again."""
         if self._offered:

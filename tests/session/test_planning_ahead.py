@@ -6,7 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.messages import ArmState, Executed, Notice, Proposal
+from app.core.dialogue.approval import Approved
+from app.core.errors import MotionRefused
+from app.core.messages import ArmState, Executed, Fault, Proposal
+from app.core.rejection_codes import Refusal
 from tests.session.cell import Run, pushes, running, small_site, small_wish
 from tests.session.planner import Habits
 from tests.session.test_modes import goal_request
@@ -40,7 +43,8 @@ async def test_no_plan_is_begun_that_would_outlast_the_motion(cell: Run) -> None
     await pushes(cell, slow)
     after = await cell.person.sees(Proposal)
     assert not after.ahead
-    assert after.plan_s < 2 * SLOW_S
+    assert after.plan_s < 2 * SLOW_S, "nobody waits for a plan made ahead, and then for another"
+    assert cell.session.parts.planning.ahead.begun == 0
 
 
 async def test_a_stop_ends_what_was_planned_ahead(cell: Run) -> None:
@@ -74,8 +78,42 @@ async def test_a_planner_that_fails_ahead_is_asked_again_afterwards(cell: Run) -
     await cell.plans_with(Habits(thinking_s=QUICK_S, failures=1))
     await pushes(cell, first)
     second = await cell.person.sees(Proposal)
+    assert cell.session.parts.planning.ahead.begun == 1
     assert not second.ahead
-    assert not [each for each in cell.person.all(Notice) if "No branch stayed finite" in each.text]
+    assert not cell.person.all(Fault), "nobody has asked for that plan yet"
+
+
+async def test_a_planner_that_dies_ahead_is_said_to(cell: Run) -> None:
+    first = await cell.person.sees(Proposal)
+    planner = cell.session.parts.planning.ahead
+    await cell.person.decides(first)
+    await cell.person.sees(ArmState, "moving")
+    planner.begin((), first.observed, at=0)  # Without arguments the job fails as a dead process does.
+    assert "planner" in (await cell.person.sees(Fault)).where
+    assert not (await cell.person.sees(Proposal)).ahead
+
+
+async def test_a_motion_that_the_arm_refuses_leaves_no_plan_made_ahead(
+    cell: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def refuse(_: Approved) -> Executed:
+        raise MotionRefused(Refusal.STOPPED, "Not now.")
+
+    first = await cell.person.sees(Proposal)
+    with monkeypatch.context() as patch:
+        patch.setattr(cell.rig.arm, "execute", refuse)
+        await cell.person.decides(first)
+        await cell.person.sees(Fault)
+    assert cell.session.parts.planning.ahead.begun == 1
+    assert not (await cell.person.sees(Proposal)).ahead
+
+
+async def test_a_plan_that_promises_nothing_is_not_kept_for_later(cell: Run) -> None:
+    await cell.plans_with(Habits(thinking_s=QUICK_S, cost=0.0))
+    first = await cell.person.sees(Proposal)
+    await pushes(cell, first)
+    assert cell.session.parts.planning.ahead.begun == 1
+    assert not (await cell.person.sees(Proposal)).ahead
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -6,6 +6,7 @@ control").
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import jax
@@ -56,11 +57,12 @@ class AheadPlanner:
         here = situation(self.search, request.observed, pose, request.near)
         phi, now = roots(request, here, len(actions))
         rollout = simulate(self.search, phi, now, jnp.asarray(request.goal), actions)
-        seen = film(self.search, phi, now, rollout.actions, rollout.final)
         found = jax.device_get(OptimizedRollouts.from_samples(rollout, rollout.cost[None]))
+        choice = partial(choose, self.search, found, [branch.origin for branch in ahead.branches], request)
         try:
-            plan = choose(self.search, found, [branch.origin for branch in ahead.branches], request, seen=seen)
+            plan = choice()
         except PlanningError:
             return None
-        cost_m2, promised_m2 = plan.branches[plan.best].cost_after, ahead.promise_m2
-        return replace(plan, ahead=True) if cost_m2 <= -_KEPT * promised_m2 < 0.0 else None
+        if not plan.branches[plan.best].cost_after <= -_KEPT * ahead.promise_m2 < 0.0:
+            return None
+        return replace(choice(seen=film(self.search, phi, now, rollout.actions, rollout.final)), ahead=True)

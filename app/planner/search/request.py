@@ -32,15 +32,19 @@ _SMALL = 0.1
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ahead:
-    """A plan made while the arm moved: its branches, for particles `predicted` (N, 3) [m] to lie there then."""
+    """A plan made while the arm moved, for particles `predicted` (N, 3) [m] to lie there then: its branches.
+
+    `best`: the index of the one that it would have followed.
+    """
 
     predicted: Points
     branches: Sequence[Branch]
+    best: int
 
     @property
     def promise_m2(self) -> float:
-        """Cost of the best branch below that of no motion, which is 0 [m^2]."""
-        return max((-branch.cost_after for branch in self.branches if branch.finite), default=0.0)
+        """Cost below that of no motion, which is 0 [m^2]."""
+        return -self.branches[self.best].cost_after
 
     def came_true(self, observed: Points) -> bool:
         """True if the object is seen (N, 3) [m] as near to where it was predicted (Chamfer) as this plan needs it."""
