@@ -144,19 +144,27 @@ class Planning:
     ) -> None:
         """Plan for where the object is predicted to lie once the arm has made this motion from `tool`.
 
-        Only where the motion lasts as long as a decision of late: whoever finds the prediction wrong then waits no
-        longer for a plan than without it. `at`: as for `proposal`.
+        Only where the motion and its coming to rest last as long as a decision of late: whoever finds the prediction wrong
+        then waits no longer for a plan than without it. During the first motion what this takes is compiled. `at`: see `proposal`.
         """
         way, speeds = route(tool, proposal.motion, self._site)
-        lasts_s = float((np.linalg.norm(np.diff(way * SCALE, axis=0), axis=1) / speeds).sum())
-        then = proposal.chosen.predicted
+        settle_s = max(self._site.timing.settle_s, config.task.stage.settle_s)
+        lasts_s = float((np.linalg.norm(np.diff(way * SCALE, axis=0), axis=1) / speeds).sum()) + settle_s
+        now, then = proposal.observed, proposal.chosen.predicted
         others = self._probing.active or self._asking.is_due or config.method.alone
-        if others or self._lasting_s > lasts_s or config.task.has_ended(then, config.goal.positions, way[-1]):
+        if others or config.task.has_ended(then, config.goal.positions, way[-1]):
             return
-        remainder = remainder_of(proposal.chosen, proposal.observed, then)
-        arguments = (config.task.name, config.preset, then, config.goal.positions, model, seed, self._site, way[-1])
-        lies = self._predicted.get(proposal.id), self._orientation
-        self.ahead.begin((*arguments, config.method, (), *lies, remainder), then, at=at)
+
+        def arguments(x: Points, tool: ToolPose) -> tuple[object, ...]:
+            where = config.task.name, config.preset, x, config.goal.positions, model, seed, self._site, tool
+            return (*where, config.method, (), self._predicted.get(proposal.id), self._orientation)
+
+        if not self.ahead.compiled:
+            made = Ahead(predicted=now, branches=proposal.branches, best=proposal.best)
+            if made.promise_m2 > 0.0:
+                self.ahead.compile((*arguments(now, tool), None, made))
+        elif self._lasting_s <= lasts_s:
+            self.ahead.begin((*arguments(then, way[-1]), remainder_of(proposal.chosen, now, then)), then, at=at)
 
     def offer_next(self, changed: Proposal, at: int) -> None:
         """Propose it before the next plan, unless plans have become void since `at` (`SessionState.interruptions`)."""
@@ -240,11 +248,11 @@ class Planning:
 class _Order:
     """One plan to be made: arguments of `app.jobs.worker_api.plan`, and what was `found` once it is `done`.
 
-    `predicted`: the particles among them (N, 3) [m]. `at`: how often plans had become void when it was ordered
-    (`SessionState.interruptions`).
+    `predicted`: the particles among them (N, 3) [m]; None where what is found does not matter. `at`: how often plans
+    had become void when it was ordered (`SessionState.interruptions`).
     """
 
-    def __init__(self, arguments: tuple[object, ...], predicted: Points, at: int) -> None:
+    def __init__(self, arguments: tuple[object, ...], predicted: Points | None = None, at: int = 0) -> None:
         self.arguments, self.predicted, self.at = arguments, predicted, at
         self.found: Ahead | None = None
         self.done = anyio.Event()
@@ -254,15 +262,19 @@ class _Order:
 class PlanningAhead:
     """Plans for where the object is predicted to lie after the motion that is being made: one at a time.
 
-    `begun`: how many have been ordered.
+    `begun`: how many have been ordered; `compiled`: what simulates them again is, or is being.
     """
 
     def __init__(self, planner: Computer, announcer: MessageBus) -> None:
         self._planner, self._announcer = planner, announcer
         self._orders = Latest[_Order]("plans ahead")
         self._pending: _Order | None = None
-        self._compiled = False
-        self.begun = 0
+        self.compiled, self.begun = False, 0
+
+    def compile(self, arguments: tuple[object, ...]) -> None:
+        """Compile what simulates a plan again, by these arguments of `app.jobs.worker_api.plan`, one made ahead."""
+        self.compiled = True
+        self._orders.put(_Order(arguments))
 
     def begin(self, arguments: tuple[object, ...], predicted: Points, *, at: int) -> None:
         """Plan with these arguments of `app.jobs.worker_api.plan`, instead of what was ordered before."""
@@ -287,13 +299,10 @@ class PlanningAhead:
 
     async def _made(self, order: _Order) -> Ahead | None:
         found = await self._planner.run(plan, *order.arguments)
-        made = Ahead(predicted=order.predicted, branches=found.branches, best=found.best)
-        if made.promise_m2 <= 0.0:
+        if order.predicted is None:
             return None
-        if not self._compiled:  # Once, so that the first decision need not compile what simulates it again.
-            await self._planner.run(plan, *order.arguments, made)
-            self._compiled = True
-        return made
+        made = Ahead(predicted=order.predicted, branches=found.branches, best=found.best)
+        return made if made.promise_m2 > 0.0 else None
 
     async def plan(self, *, at: int) -> Ahead | None:
         """The plan, once it is made; None where none was ordered, or plans have become void since."""
