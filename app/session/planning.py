@@ -144,8 +144,9 @@ class Planning:
     ) -> None:
         """Plan for where the object is predicted to lie once the arm has made this motion from `tool`.
 
-        Only where the motion and its coming to rest last as long as a decision of late: whoever finds the prediction wrong
-        then waits no longer for a plan than without it. During the first motion what this takes is compiled. `at`: see `proposal`.
+        Only where the motion and the rest after it last as long as a decision of late: whoever finds the prediction
+        wrong then waits no longer for a plan than without it. During the first motion what this takes is compiled.
+        `at`: as for `proposal`.
         """
         way, speeds = route(tool, proposal.motion, self._site)
         settle_s = max(self._site.timing.settle_s, config.task.stage.settle_s)
