@@ -150,8 +150,8 @@ def _plan_rows(proposal: Proposal, status: str, now_s: float, moved: Moved | Non
     yield "Chosen", words.origin(proposal)
     if proposal.dropped_count:
         yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped_count} non-finite</span>"
-    while_moving = " (ahead, while the arm moved)" if proposal.ahead else ""
-    yield "Planned in", words.duration(proposal.plan_s) + while_moving
+    ahead = ", made ahead" if proposal.ahead else ""
+    yield "Planned in", words.duration(proposal.plan_s) + ahead
     age_s, limit = now_s - proposal.time_s, f"of {words.duration(moved.max_age_s)}" if moved else ""
     yield "Age", f"{words.duration(age_s)} <small>{limit}</small>"
     if moved and math.isfinite(moved.drift_m):
