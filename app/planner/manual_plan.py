@@ -20,7 +20,6 @@ from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import film
 from app.planner.search.tree import Rollout, RootBatch, TreeConfig, roll_out, simulate, situation, start_by_policy
-from app.policy.base import PARKED_POSE
 
 _SHORTEST_M = 0.005
 _MENDED_M = 5e-4
@@ -44,8 +43,7 @@ class GivenPush:
         """Plan of one branch. Raises PlanningError with the defect of the push, in words."""
         wanted = action_of(self.way, self.pushes)
         require(wanted, request.observed, self.pushes, request.site)
-        pose = PARKED_POSE if request.tool is None else request.tool
-        now = situation(self.search, request.observed, pose, request.near)
+        now = situation(self.search, request)
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         later = jnp.zeros((1, self.search.depth - 1, self.search.space.size))
         given = jnp.zeros(later.shape[:2], bool)
@@ -54,7 +52,7 @@ class GivenPush:
         _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
         seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)
         origins: list[Origin] = ["edited"]
-        found = OptimizedRollouts(rollout, rollout.cost, rollout.cost[None], jnp.zeros(1, jnp.int32), rollout.finite)
+        found = OptimizedRollouts.from_samples(rollout, rollout.cost[None])
         return choose(self.search, jax.device_get(found), origins, replace(request, rejected=()), seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:

@@ -58,7 +58,6 @@ class Planning:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
         self._asking = Asking(config, announcer, planner, site, probing)
-        self._probing = probing
         self.ahead = PlanningAhead(planner, announcer)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None
@@ -70,7 +69,7 @@ class Planning:
         self._last: Proposal | None = None
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
-        self._lasting_s = np.inf
+        self._plan_s = np.inf
 
     async def begin(self, config: EpisodeConfig, do: Callable[[str], None]) -> Model:
         """Start the planner's process, reported to `do`, and return the initial model."""
@@ -152,8 +151,7 @@ class Planning:
         settle_s = max(self._site.timing.settle_s, config.task.stage.settle_s)
         lasts_s = float((np.linalg.norm(np.diff(way * SCALE, axis=0), axis=1) / speeds).sum()) + settle_s
         now, then = proposal.observed, proposal.chosen.predicted
-        others = self._probing.active or self._asking.is_due or config.method.alone
-        if others or config.task.has_ended(then, config.goal.positions, way[-1]):
+        if self._asking.is_due or config.method.alone or config.task.has_ended(then, config.goal.positions, way[-1]):
             return
 
         def arguments(x: Points, tool: ToolPose) -> tuple[object, ...]:
@@ -164,7 +162,7 @@ class Planning:
             made = Ahead(predicted=now, branches=proposal.branches, best=proposal.best)
             if made.promise_m2 > 0.0:
                 self.ahead.compile((*arguments(now, tool), None, made))
-        elif self._lasting_s <= lasts_s:
+        elif self._plan_s <= lasts_s:
             self.ahead.begin((*arguments(then, way[-1]), remainder_of(proposal.chosen, now, then)), then, at=at)
 
     def offer_next(self, changed: Proposal, at: int) -> None:
@@ -191,7 +189,7 @@ class Planning:
             return self._announcer.say(changed[1])
         self._predicted.clear()
         started_s, x, goal = self._clock.now(), observed.positions, config.goal.positions
-        ahead = await self.ahead.plan(at=at)
+        ahead = await self.ahead.take(at=at)
         await self._track(config)
         lies = self._near, self._orientation
         remainder = None if self._last is None else remainder_of(self._last.chosen, self._last.observed, x)
@@ -204,7 +202,7 @@ class Planning:
                     *(self._rejected, *lies, remainder, None if attempt else ahead),
                 )
                 if asked is None and not found.ahead:
-                    self._lasting_s = self._clock.now() - begun_s
+                    self._plan_s = self._clock.now() - begun_s
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)
                 if attempt + 1 == FAILURES_IN_A_ROW:
@@ -305,7 +303,7 @@ class PlanningAhead:
         made = Ahead(predicted=order.predicted, branches=found.branches, best=found.best)
         return made if made.promise_m2 > 0.0 else None
 
-    async def plan(self, *, at: int) -> Ahead | None:
+    async def take(self, *, at: int) -> Ahead | None:
         """The plan, once it is made; None where none was ordered, or plans have become void since."""
         order, self._pending = self._pending, None
         if order is None or order.at != at:

@@ -153,8 +153,8 @@ class Asking:
 
     @property
     def is_due(self) -> bool:
-        """True if a motion is still to be offered."""
-        return bool(self._motions)
+        """True if a motion is still to be offered, or pushes are chosen."""
+        return bool(self._motions) or self._probing.active
 
     def drop_offered(self) -> None:
         """The one that was offered, if any was, has been decided on, and is not offered again."""

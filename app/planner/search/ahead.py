@@ -22,7 +22,6 @@ from app.planner.search.plan import Plan, choose
 from app.planner.search.request import Ahead, PlanRequest
 from app.planner.search.rollout_frames import film
 from app.planner.search.tree import TreeConfig, roots, simulate, situation
-from app.policy.base import PARKED_POSE
 
 _KEPT = 0.9
 """Share of its promise that a plan made ahead has to keep where the object truly came to lie."""
@@ -53,9 +52,7 @@ class AheadPlanner:
     def _taken(self, ahead: Ahead, request: PlanRequest) -> Plan | None:
         """The plan made ahead, for the object where it is; None where it does not hold."""
         actions = jnp.stack([jnp.asarray(branch.actions) for branch in ahead.branches])
-        pose = PARKED_POSE if request.tool is None else request.tool
-        here = situation(self.search, request.observed, pose, request.near)
-        phi, now = roots(request, here, len(actions))
+        phi, now = roots(request, situation(self.search, request), len(actions))
         rollout = simulate(self.search, phi, now, jnp.asarray(request.goal), actions)
         found = jax.device_get(OptimizedRollouts.from_samples(rollout, rollout.cost[None]))
         choice = partial(choose, self.search, found, [branch.origin for branch in ahead.branches], request)

@@ -30,6 +30,7 @@ from app.planner.search.tree import (
     roll_out,
     simulate,
     start,
+    tool_pose,
 )
 from app.policy.base import PARKED_POSE, PlanningState
 
@@ -141,7 +142,7 @@ def choose(
     Raises PlanningError where there is none.
     """
     site, tool, command = request.site, request.tool, request.command
-    pose = PARKED_POSE if tool is None else tool
+    pose = tool_pose(request)
     told = tool if request.told_tool is None else request.told_tool
     ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from app.core.messages import Origin
-from app.core.types import Centreline, Points, ToolPose
+from app.core.types import Points, ToolPose
 from app.planner.actions.actions import ActionSpace
 from app.planner.search.cost import Terms, Weights, step_terms
 from app.planner.search.request import PlanRequest
@@ -113,8 +113,7 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     The last branch is the remainder of the plan before, where there is one, and a branch beside the policy's.
     """
     rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
-    observed, pose = request.observed, PARKED_POSE if request.tool is None else request.tool
-    here = situation(search, observed, pose, request.near)
+    observed, pose, here = request.observed, tool_pose(request), situation(search, request)
     phi, now = roots(request, here, count)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
@@ -181,10 +180,16 @@ def first_action(policy: Policy, prepared: Prepared, now: PlanningState) -> Floa
     return (policy.first if isinstance(policy, StatefulPolicy) else policy.act)(prepared, now).mean
 
 
-def situation(search: TreeConfig, observed: Points, tool: ToolPose, near: Centreline | None = None) -> PlanningState:
+def tool_pose(request: PlanRequest) -> ToolPose:
+    """Pose of the tool as an action begins; parked where actions begin anywhere."""
+    return PARKED_POSE if request.tool is None else request.tool
+
+
+def situation(search: TreeConfig, request: PlanRequest) -> PlanningState:
     """The object as it is seen and the tool, of one candidate."""
-    known = None if near is None else jnp.asarray(near)
-    return PlanningState(search.begin(jnp.asarray(observed)[None], known), jnp.asarray(tool, jnp.float32)[None])
+    known = None if request.near is None else jnp.asarray(request.near)
+    state = search.begin(jnp.asarray(request.observed)[None], known)
+    return PlanningState(state, jnp.asarray(tool_pose(request), jnp.float32)[None])
 
 
 def roots(request: PlanRequest, here: PlanningState, count: int) -> tuple[Float[Array, "B P"], PlanningState]:
