@@ -65,7 +65,11 @@ def plan(
     """
     from app.jobs import jit_cache, rope_orientation
     from app.planner.search.request import PlanRequest
+    from app.tasks import load
 
+    known = load(task)
+    if known.perception.held is not None:  # A drop that ran off the grid would be the end of every branch.
+        observed = known.scene.clip_to_grid(observed)
     where, allowed_for = site or Site(), correction_of(model)
     planner = jit_cache.planner(task, preset, jit_cache.phi_of(model), method, where.limits.confines)
     search = getattr(planner, "search", None)

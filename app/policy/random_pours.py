@@ -24,9 +24,9 @@ _SHORT_M, _AIM_M = 0.02, 0.01
 """Distance of the lip from the fixed bowl's axis, and standard deviation of where it is, along x and y."""
 _TURN_RAD = 1.0, 2 * np.pi - 1.0
 """Range of the turn about the fixed bowl from where a motion begins to where it ends."""
-WATER_FURTHER_RAD, _STEEPEST_RAD = (0.2, 0.4), 1.45
+WATER_FURTHER_RAD, _STEEPEST_RAD = (0.0, 0.2), 1.45
 """Range of the tilt beyond that in which so much would rest, which makes it flow in time; and the most."""
-SOUP_FURTHER_RAD = (0.25, 0.55)
+SOUP_FURTHER_RAD = (0.05, 0.35)
 """The same of a soup, whose pieces dam it until they slide over the lip: less lets hardly anything out, more all."""
 
 

@@ -1,7 +1,7 @@
 """Pouring water from a bowl in the hand into one on the table (paper, Pour-Water).
 
 The paper's 6-D actions of 100 steps are planned ten steps at a time: a decision holds one velocity and rate of turning
-for half a second, and then waits for what flows. So an episode has about ten decisions.
+for about half a second, and then waits for what flows. So an episode has about ten decisions.
 """
 
 from dataclasses import replace
@@ -112,9 +112,9 @@ TASK = Task(
         max_shift_m=0.12,
         max_turn_rad=0.30,
         max_tilt_rad=1.8,
-        move_substeps=250,
+        move_substeps=330,
         rest_substeps=200,
-        move_s=0.5,
+        move_s=0.5,  # At an even speed; the site's acceleration makes 0.66 s of the longest shift.
     ),
     policy=ScriptedPour(
         radius_m=HELD.radius_m,

@@ -76,7 +76,8 @@ def test_what_is_hidden_changes_what_is_poured_and_nothing_before() -> None:
     )
     assert np.array_equal(hidden.pushes[0].before.points, control.pushes[0].before.points)
     assert np.array_equal(hidden.pushes[0].command.poses, control.pushes[0].command.poses)
-    assert abs(shares(hidden)[0] - shares(control)[0]) > 0.02
+    # A slow pour ends where the lip is at the level, however thick the water; the other one was not over by then.
+    assert max(abs(thick - thin) for thick, thin in zip(shares(hidden), shares(control), strict=True)) > 0.02
 
 
 @pytest.mark.slow

@@ -3,10 +3,12 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from app.arm.path import PathFollower, route
 from app.config import Site
 from app.core.motion import pointing_down
 from app.planner.actions.pour_actions import from_upright, tilt
@@ -17,6 +19,10 @@ SPACE = load("pour_water").actions
 LOW, HIGH = np.array(SPACE.low), np.array(SPACE.high)
 SEEDS = st.integers(0, 2**31 - 1)
 project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.is_allowed)
+
+
+SHIFT = np.array([0.12, 0.0, 0.0, 0.0, 0.0, 0.0], np.float32)
+TILT = np.array([0.0, 0.0, 0.0, 0.0, 0.28, 0.0], np.float32)
 
 
 def tool(rng: np.random.Generator) -> np.ndarray:
@@ -76,6 +82,25 @@ def test_what_the_arm_is_told_and_then_measured_to_do_is_what_was_simulated(seed
     side = np.sign((measured[:, 3:] * path[:, 3:]).sum(1, keepdims=True))
     np.testing.assert_allclose(measured[:, :3], path[:, :3], atol=2e-4)
     np.testing.assert_allclose(side * measured[:, 3:], path[:, 3:], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("action", "ahead_m", "ahead_rad"), [(SHIFT, 0.004, 0.0), (TILT, 0.0, 0.05)], ids=["shift", "tilt"]
+)
+def test_a_motion_is_simulated_as_the_arm_makes_it_in_time(
+    action: np.ndarray, ahead_m: float, ahead_rad: float
+) -> None:
+    """The profile is the longest shift's; a tilt the arm makes a little sooner."""
+    pose, site, period_s = pointing_down(np.array([0.4, 0.0, 0.2])), Site(), load("pour_water").scene.dt_s
+    now = PlanningState.at_rest(jnp.zeros((1, 1, 3)), pose)
+    path = np.asarray(SPACE.tool_path(jnp.asarray(action[None]), now.tool))[0]
+    arm = PathFollower(*route(pose, SPACE.motion(action, pose, site), site), site.limits.acceleration_m_s2)
+    made = np.stack([pose, *(arm.advance(period_s) for _ in range(SPACE.move_substeps))])
+    simulated = path[: len(made)]
+    assert np.linalg.norm(made[:, :3] - simulated[:, :3], axis=1).max() <= ahead_m + 1e-4
+    turns = (np.asarray(from_upright(jnp.asarray(made[:, 3:7]))), simulated[:, 3:])
+    leans = [2 * np.arccos(np.minimum(np.abs(turn[:, 0]), 1.0)) for turn in turns]
+    assert np.abs(leans[0] - leans[1]).max() <= ahead_rad + 1e-3
 
 
 def test_a_bowl_on_a_tool_that_points_down_is_upright() -> None:

@@ -12,6 +12,7 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
+from app.core.motion import pointing_down
 from app.jobs import failures, jit_cache
 from app.jobs.worker_api import calibrate, nominal_model, plan
 from app.planner.search.request import PlanRequest
@@ -134,3 +135,13 @@ def test_a_plan_without_a_finite_branch_names_the_dump_it_left(tmp_path: Path) -
         plan("rope_push", "cpu", x, goal, nominal_model("rope_push"), 0, Site(recordings=tmp_path))
     (path,) = (tmp_path / failures.FOLDER).iterdir()
     assert "Particle 7 of candidate 0 is at" in dissect(load_dump(path).case).verdict()
+
+
+@pytest.mark.slow
+def test_a_drop_that_ran_off_the_grid_is_not_the_end_of_every_branch() -> None:
+    task = load("pour_water")
+    x, goal = task.particles(task.start(0), 300), task.goal(0, 300)
+    tool = pointing_down(x[:, :3].mean(0).astype(np.float64) + [0.0, 0.0, 0.03])
+    x[7] = [0.6, 0.33, 0.004]
+    found = plan("pour_water", "cpu", x, goal, nominal_model("pour_water"), 0, tool=tool)
+    assert all(branch.finite for branch in found.branches)

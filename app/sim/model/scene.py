@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
+from jaxtyping import Float32
 
 from app.core.errors import ParameterError
 from app.sim.materials.base import Law, Material
@@ -112,6 +113,11 @@ class Scene:
         volumes = np.cumsum([body.volume_m3 for body in self.bodies])
         ends = np.rint(particle_count * volumes / volumes[-1]).astype(int)
         return tuple(int(count) for count in np.diff(ends, prepend=0))
+
+    def clip_to_grid(self, x: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, "N 3"]:
+        """The particles [m]; those off the grid, or too near its boundary to be simulated, in the nearest cell."""
+        low, high = np.asarray(self.low, np.float32), np.asarray(self.high, np.float32)
+        return np.clip(x, low + np.float32(self.cell_m), high - np.float32(self.cell_m))
 
     def _require_positive(self) -> None:
         contact = ("contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s")

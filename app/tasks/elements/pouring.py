@@ -1,7 +1,7 @@
 """Common part of the pouring tasks: places of the bowls, their filling, and the simulator's scene of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -82,10 +82,14 @@ def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle
     All pieces in a soup are one body.
     """
     spacing = float(np.cbrt(body.volume_m3 / particle_count))
-    bowls = [
-        BowlCollider(radius_m=bowl.radius_m, thickness_m=bowl.thickness_m, friction=bowl.friction)
-        for bowl in (held, target)
-    ]
+    pours = BowlCollider.that_pours(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)
+    fills = BowlCollider(
+        radius_m=target.radius_m,
+        thickness_m=target.thickness_m,
+        friction=target.friction,
+        place_m=target.place_m,
+        motion="fixed",
+    )
     return Scene(
         low=(0.15, -0.30, -0.03),
         high=(0.90, 0.30, 0.42),
@@ -95,7 +99,7 @@ def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle
         contact_margin_m=0.5 * spacing,
         contact_width_m=0.0015,
         bodies=tuple(_bodies(body)),
-        tools=(bowls[0], replace(bowls[1], place_m=target.place_m, motion="fixed")),
+        tools=(pours, fills),
     )
 
 

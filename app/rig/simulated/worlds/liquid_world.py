@@ -176,7 +176,9 @@ def particles(body: Liquid | Soup, count: int) -> tuple[int, ...]:
 
 def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int, physics: WorldPhysics) -> Scene:
     spacing = (body.volume_m3 / count) ** (1 / 3)
-    tools: list[Tool] = [BowlCollider(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)]
+    tools: list[Tool] = [
+        BowlCollider.that_pours(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)
+    ]
     for each in stage.fixtures:
         match each:
             case Bowl():
