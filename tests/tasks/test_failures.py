@@ -141,7 +141,7 @@ def test_a_plan_without_a_finite_branch_names_the_dump_it_left(tmp_path: Path) -
 def test_a_drop_that_ran_off_the_grid_is_not_the_end_of_every_branch() -> None:
     task = load("pour_water")
     x, goal = task.particles(task.start(0), 300), task.goal(0, 300)
-    tool = pointing_down(x[:, :3].mean(0).astype(np.float64) + [0.0, 0.0, 0.03])
+    tool = pointing_down(np.add(x.mean(0), (0.0, 0.0, 0.03)).astype(np.float64))
     x[7] = [0.6, 0.33, 0.004]
     found = plan("pour_water", "cpu", x, goal, nominal_model("pour_water"), 0, tool=tool)
     assert all(branch.finite for branch in found.branches)
