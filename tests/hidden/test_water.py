@@ -64,7 +64,8 @@ def test_noisier_cameras_err_more() -> None:
 
 @pytest.mark.slow
 def test_what_is_hidden_changes_what_is_poured_and_nothing_before() -> None:
-    control, again, hidden = case().record(), case().record(), case("liquid_viscosity").record()
+    # A pour that is over ends where the lip is at the level, however thick the water: this one is held too short.
+    control, again, hidden = (case(*effects, seed=10).record() for effects in ((), (), ("liquid_viscosity",)))
 
     def shares(study: Study) -> list[float]:
         return [BOWLS.share(push.after.points) for push in study.pushes]
@@ -76,8 +77,7 @@ def test_what_is_hidden_changes_what_is_poured_and_nothing_before() -> None:
     )
     assert np.array_equal(hidden.pushes[0].before.points, control.pushes[0].before.points)
     assert np.array_equal(hidden.pushes[0].command.poses, control.pushes[0].command.poses)
-    # A slow pour ends where the lip is at the level, however thick the water; the other one was not over by then.
-    assert max(abs(thick - thin) for thick, thin in zip(shares(hidden), shares(control), strict=True)) > 0.02
+    assert abs(shares(hidden)[0] - shares(control)[0]) > 0.02
 
 
 @pytest.mark.slow

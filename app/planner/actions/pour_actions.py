@@ -35,10 +35,10 @@ class Pours:
     """Actions of 6 numbers: shift of the bowl [m], and rotation vector in the world's frame [rad].
 
     Both happen at once, at an even speed but for its beginning and end, in `move_substeps`; in `rest_substeps` the
-    liquid comes to rest behind it. Water in a bowl swings by itself in half a second, so that what spills hangs on how
-    a motion begins and ends. The bowl's centre stays in the box `low` to `high` [m], whose floor is high enough for it
-    to be over the other bowl however it is turned, and its axis within `max_tilt_rad` of upright. `move_s`: how long
-    the real arm takes, which has no more than the site's speed.
+    liquid comes to rest behind it. Water in a bowl of radius R swings by itself in about 2 pi sqrt(R / g), half a
+    second, so that what spills hangs on how a motion begins and ends. The bowl's centre stays in the box `low` to
+    `high` [m], whose floor is high enough for it to be over the other bowl however it is turned, and its axis within
+    `max_tilt_rad` of upright. `move_s`: how long the real arm takes, which has no more than the site's speed.
     """
 
     low: Corner

@@ -9,16 +9,18 @@ from typing import Self, final
 
 import warp as wp
 
+from app.core.geometry.shapes.fixtures import Bowl
+from app.core.geometry.shapes.tools import HeldBowl
 from app.sim.constants import Shape
 from app.sim.tools.base import AXIS, Motion, Primitive, Vector, safe_norm
 
 _LOWERED = 0.24
 """Share of its radius by which the wall of a bowl that pours ends below its rim.
 
-Matter points flow over a lip only when their level is 5 to 8 mm above it, on cells of 5 to 15 mm alike: they are kept
-off the wall by half of their spacing, and what flows over is a spacing thick. Of water, all above the lip runs out.
-With this share, bowls of 4 to 7.5 cm that are tilted slowly keep what hydrostatics say to 3 to 7 % of the water (RMS)
-on a planner's cells and to 5 on the world's, and without it to 26 to 38 (`bench/lip.py`).
+Matter points flow over a lip only when their level is 5 to 8 mm above it, on cells of 5 to 15 mm alike, and of water
+all that is above the lip runs out (decision 39). With this share, bowls of 4 to 7.5 cm that are tilted slowly keep what
+hydrostatics say to 3 to 7 % of the water (RMS) on a planner's cells and to 5 on the world's, and without it to 26 to
+38 (`bench/lip.py`).
 """
 
 
@@ -57,9 +59,25 @@ class BowlCollider:
     motion: Motion = "turns"
 
     @classmethod
-    def that_pours(cls, *, radius_m: float, thickness_m: float, friction: float) -> Self:
-        """Half a sphere that turns, out of which matter points run at the tilts at which a liquid does."""
-        return cls(radius_m=radius_m, thickness_m=thickness_m, friction=friction, rim_m=-_LOWERED * radius_m)
+    def that_pours(cls, bowl: HeldBowl) -> Self:
+        """The bowl in a hand, which turns: matter points run out of it at the tilts at which a liquid does."""
+        return cls(
+            radius_m=bowl.radius_m,
+            thickness_m=bowl.thickness_m,
+            friction=bowl.friction,
+            rim_m=-_LOWERED * bowl.radius_m,
+        )
+
+    @classmethod
+    def that_stands(cls, bowl: Bowl) -> Self:
+        """The bowl on the table."""
+        return cls(
+            radius_m=bowl.radius_m,
+            thickness_m=bowl.thickness_m,
+            friction=bowl.friction,
+            place_m=bowl.place_m,
+            motion="fixed",
+        )
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One."""

@@ -82,14 +82,6 @@ def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle
     All pieces in a soup are one body.
     """
     spacing = float(np.cbrt(body.volume_m3 / particle_count))
-    pours = BowlCollider.that_pours(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)
-    fills = BowlCollider(
-        radius_m=target.radius_m,
-        thickness_m=target.thickness_m,
-        friction=target.friction,
-        place_m=target.place_m,
-        motion="fixed",
-    )
     return Scene(
         low=(0.15, -0.30, -0.03),
         high=(0.90, 0.30, 0.42),
@@ -99,7 +91,7 @@ def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle
         contact_margin_m=0.5 * spacing,
         contact_width_m=0.0015,
         bodies=tuple(_bodies(body)),
-        tools=(pours, fills),
+        tools=(BowlCollider.that_pours(held), BowlCollider.that_stands(target)),
     )
 
 

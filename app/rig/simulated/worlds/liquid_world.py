@@ -176,21 +176,11 @@ def particles(body: Liquid | Soup, count: int) -> tuple[int, ...]:
 
 def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int, physics: WorldPhysics) -> Scene:
     spacing = (body.volume_m3 / count) ** (1 / 3)
-    tools: list[Tool] = [
-        BowlCollider.that_pours(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)
-    ]
+    tools: list[Tool] = [BowlCollider.that_pours(held)]
     for each in stage.fixtures:
         match each:
             case Bowl():
-                tools.append(
-                    BowlCollider(
-                        radius_m=each.radius_m,
-                        thickness_m=each.thickness_m,
-                        friction=each.friction,
-                        place_m=each.place_m,
-                        motion="fixed",
-                    )
-                )
+                tools.append(BowlCollider.that_stands(each))
             case Obstacle():
                 tools.append(BoxCollider(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
             case Mat():
