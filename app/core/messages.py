@@ -144,9 +144,9 @@ class Model(Message):
         raise KeyError(name)
 
 
-Origin: TypeAlias = Literal["policy", "learned", "random", "continued", "sampled", "asked", "edited", "start", "shown"]
-"""Source of a branch's actions: the task's own initial policy, a learned policy, random sampling, the plan before, a
-fitted distribution, discovery, or the operator, who edited another's, asked for the start pose, or for a shown one."""
+Origin = Literal["policy", "part", "learned", "random", "continued", "sampled", "asked", "edited", "start", "shown"]
+"""Source of a branch's actions: the task's own initial policy, a part of each of a policy's actions, a learned policy,
+random sampling, the plan before, a fitted distribution, discovery, or the operator, who edited or asked for them."""
 
 
 @final

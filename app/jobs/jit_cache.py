@@ -215,6 +215,7 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> TreeCo
         depth=size.depth,
         descended=size.descended,
         redraws=size.redraws,
+        policy_shares=size.policy_shares,
         part=moving(task, size.particle_count, *needed),
         at_rest=data.at_rest,
     )

@@ -1,13 +1,12 @@
 """A push drawn by an operator, evaluated as a branch of the tree: simulated, continued by the policy, and costed."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32
+from jaxtyping import Float32
 
 from app.config import Site
 from app.core.errors import PlanningError
@@ -18,8 +17,8 @@ from app.planner.actions.actions import Pushes
 from app.planner.search.optimise import OptimizedRollouts
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
-from app.planner.search.rollout_frames import film
-from app.planner.search.tree import Rollout, RootBatch, TreeConfig, roll_out, simulate, situation, start_by_policy
+from app.planner.search.rollout_frames import grow
+from app.planner.search.tree import RootBatch, TreeConfig, situation, start_by_policy
 
 _SHORTEST_M = 0.005
 _MENDED_M = 5e-4
@@ -47,13 +46,20 @@ class GivenPush:
         prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         later = jnp.zeros((1, self.search.depth - 1, self.search.space.size))
         given = jnp.zeros(later.shape[:2], bool)
-        tree = RootBatch(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], later, given)
-        rollout = _evaluate(self.search, tree, jnp.asarray(request.goal))
-        _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
-        seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)
+        tree = RootBatch(
+            prepared=prepared,
+            phi=jnp.asarray(request.phi)[None],
+            now=now,
+            first=jnp.asarray(wanted)[None],
+            later=later,
+            given=given,
+            shares=jnp.ones(1),
+        )
+        grown = grow(self.search, tree, jnp.asarray(request.goal))
+        _require_unmended(wanted, np.asarray(grown.rollout.actions[0, 0]))
         origins: list[Origin] = ["edited"]
-        found = OptimizedRollouts.from_samples(rollout, rollout.cost[None])
-        return choose(self.search, jax.device_get(found), origins, replace(request, rejected=()), seen=seen)
+        found = jax.device_get(OptimizedRollouts.from_samples(grown.rollout, grown.rollout.cost[None]))
+        return choose(self.search, found, origins, replace(request, rejected=()), seen=grown.moments)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Do nothing in advance: few are drawn, and each takes a second."""
@@ -96,8 +102,3 @@ def _require_unmended(wanted: Float32[np.ndarray, " A"], made: Float32[np.ndarra
     ways = [np.cumsum(action.reshape(-1, 2), axis=0) for action in (wanted, made)]
     if not np.abs(ways[0] - ways[1]).max() < _MENDED_M:
         raise PlanningError("It goes where something stands in the finger's way; lead it past that.")
-
-
-@partial(jax.jit, static_argnums=0)
-def _evaluate(search: TreeConfig, tree: RootBatch, goal: Float[Array, "M 3"]) -> Rollout:
-    return simulate(search, tree.phi, tree.now, goal, roll_out(search, tree))

@@ -172,7 +172,7 @@ TASK = Task(
     at_rest=False,
     presets=MappingProxyType(
         {
-            "cpu": Preset(branches=6, depth=3, particle_count=256, gradient_steps=6),
+            "cpu": Preset(branches=6, depth=3, particle_count=256, gradient_steps=3, descended=2),
             "gpu": Preset(branches=16, depth=3, particle_count=1000, gradient_steps=10),
         }
     ),

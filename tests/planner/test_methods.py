@@ -22,6 +22,7 @@ from app.planner.search.sampling import SampleSchedule, SamplingPlanner, evolve
 from app.planner.search.tree import Rollout, start
 from app.planner.search.updates import Elites, Gaussian, PathIntegral, Update
 from app.policy.base import PlanningState, Prepared
+from app.sim.diagnosis.object_state import ObjectState
 from app.tasks import load, names
 from tests.planner.table import PHI, TASK, rope, search
 
@@ -56,10 +57,29 @@ def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_tim
             depth=preset.depth,
             descended=preset.descended,
             redraws=preset.redraws,
+            policy_shares=preset.policy_shares,
         )
         baseline_planner = make_planner(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
         tree = tree_rollouts(sized, preset.gradient_steps)
         assert tree <= simulated(baseline_planner) <= 3 * tree  # A population has a least size, however small the tree.
+
+
+def test_a_tree_simulates_what_its_budget_says() -> None:
+    steps, counted = 2, list[int]()
+    sized = replace(search(branches=4), descended=1)
+
+    def counting(phi: Array, state: ObjectState, path: Array) -> ObjectState:
+        jax.debug.callback(counted.append, len(phi))
+        return state
+
+    tree = make_planner(Method(), replace(sized, advance=counting), DESCENT, steps)
+    assert isinstance(tree, TreePlanner)
+    tree(PlanRequest(observed=rope(), goal=rope(0.04), phi=PHI))
+    jax.effects_barrier()
+    grown, slopes = 4 * sized.depth, 1 * sized.depth
+    assert sum(counted) == grown + (steps + 1) * slopes
+    assert tree_rollouts(sized, steps) == 4 + 1 + SLOPE_ROLLOUTS * steps
+    assert tree_rollouts(sized, 0) == 4
 
 
 @pytest.mark.parametrize("name", planners())

@@ -105,7 +105,8 @@ def test_the_scale_of_the_cost_does_not_matter(factor: float) -> None:
 
 def from_cheapest(evaluate, start: jnp.ndarray, count: int, steps: int = 5) -> OptimizedRollouts:
     def run(start: jnp.ndarray) -> OptimizedRollouts:
-        return descend_from_cheapest(evaluate, start, count=count, steps=steps, descent=DESCENT, scale=SCALE)
+        sampled = evaluate(start)
+        return descend_from_cheapest(evaluate, sampled, count=count, steps=steps, descent=DESCENT, scale=SCALE)[0]
 
     return jax.jit(run)(start)
 
@@ -210,8 +211,33 @@ def test_descent_begins_from_the_cheapest_of_what_was_drawn_anew() -> None:
     start = some(7, 16)
     by = Redraws((3.0,), np.arange(16) == 0, jax.random.key(1))
     anew = redraw(bowl, bowl(start), by, scale=SCALE)
-    found = descend_from_cheapest(bowl, start, count=2, steps=3, descent=DESCENT, scale=SCALE, redraws=by)
+    found, changed = descend_from_cheapest(
+        bowl, bowl(start), count=2, steps=3, descent=DESCENT, scale=SCALE, redraws=by
+    )
+    assert changed.tolist() == list(range(16))
     moved = np.abs(np.asarray(found.best.actions - anew.actions)).max((1, 2)) > 0
     assert sorted(np.flatnonzero(moved)) == sorted(np.argsort(anew.cost)[:2])
     np.testing.assert_allclose(found.cost_before, anew.cost, rtol=1e-6)
     assert found.best.cost.min() < anew.cost.min()
+
+
+def test_what_was_sampled_is_kept_where_every_iterate_is_simulated_to_cost_more() -> None:
+    start = some(8, 6)
+    sampled = bowl(start)
+
+    def dearer(actions: jnp.ndarray) -> Rollout:
+        return rollout(actions, bowl(actions).cost + 100.0)
+
+    found, changed = descend_from_cheapest(dearer, sampled, count=2, steps=3, descent=DESCENT, scale=SCALE)
+    assert sorted(changed.tolist()) == sorted(np.argsort(sampled.cost)[:2].tolist())
+    for mine, its in zip(jax.tree.leaves(found.best), jax.tree.leaves(sampled), strict=True):
+        np.testing.assert_array_equal(mine, its)
+    np.testing.assert_array_equal(found.cost_before, sampled.cost)
+    assert found.iterates[:, changed].min() > 50
+
+
+def test_without_steps_everything_stays_as_it_was_sampled() -> None:
+    sampled = bowl(some(9, 4))
+    found, changed = descend_from_cheapest(bowl, sampled, count=2, steps=0, descent=DESCENT, scale=SCALE)
+    assert not len(changed)
+    np.testing.assert_array_equal(found.best.cost, sampled.cost)

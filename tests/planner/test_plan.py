@@ -14,7 +14,8 @@ from app.core.errors import PlanningError
 from app.core.geometry.chamfer import chamfer_m2
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import roll_out, simulate, start, state_after
+from app.planner.search.rollout_frames import grow
+from app.planner.search.tree import simulate, start, state_after
 from app.policy.base import PARKED_POSE
 from app.tasks.rope_push import TASK
 from tests.planner.table import PHI, SPACE, now, planner, rope, search, to_the_bit
@@ -107,7 +108,7 @@ def test_the_same_seed_decides_the_same(decision: Plan) -> None:
 def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> None:
     """The default of recent GPUs is TF32, whose ten bits leave positions in a workspace off by 0.2 mm."""
     tree = search()
-    lowered = jax.jit(partial(roll_out, tree)).lower(start(tree, ASKED))
+    lowered = grow.lower(tree, start(tree, ASKED), jnp.asarray(ASKED.goal))
     products = [line for line in lowered.as_text().splitlines() if "dot_general" in line]
     assert products
     assert all("HIGHEST" in line for line in products), products
@@ -119,7 +120,7 @@ def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> N
     assert begun.first.shape == (tree.branches, SPACE.size)
     act = program(tree.policy.act)
     np.testing.assert_allclose(begun.first[0], act(begun.prepared, now(START, 1)).mean[0], atol=1e-6)
-    actions = jax.jit(partial(roll_out, tree))(begun)
+    actions = grow(tree, begun, jnp.asarray(ASKED.goal)).rollout.actions
     after = jax.jit(partial(state_after, tree))(begun.phi, begun.now, actions[:, 0])
     np.testing.assert_allclose(actions[:, 1], program(SPACE.project)(act(begun.prepared, after).mean, after), atol=1e-5)
 

@@ -1,5 +1,7 @@
 """Pours: a held bowl goes and turns where it may, as the arm does it."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,10 @@ from scipy.spatial.transform import Rotation
 from app.arm.path import PathFollower, route
 from app.config import Site
 from app.core.motion import pointing_down
+from app.jobs import jit_cache
 from app.planner.actions.pour_actions import from_upright, tilt
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import TreeConfig, own_branches, roll_out, start, state_after
 from app.policy.base import PlanningState
 from app.tasks import load
 
@@ -118,3 +123,34 @@ def test_the_way_depends_smoothly_on_every_number_of_an_action() -> None:
         step = jnp.zeros_like(wild).at[0, number].set(1e-3)
         numeric = float(last(wild + step) - last(wild - step)) / 2e-3
         assert abs(numeric - slope[number]) < 2e-3
+
+
+def parts(**changes: object) -> tuple[TreeConfig, PlanRequest]:
+    """The tree of a pour, whose liquid stays where it is."""
+    task, phi = load("pour_water-hard"), jit_cache.phi_of(jit_cache.nominal_model("pour_water-hard"))
+    tree = jit_cache.search("pour_water-hard", "cpu", phi)
+    x, place = task.particles(task.start(0), 300), pointing_down(np.array([0.45, 0.02, 0.2]))
+    asked = PlanRequest(observed=x, goal=task.goal(0, 300), phi=phi, tool=place, seed=3)
+    return replace(tree, advance=lambda phi, state, path: state, **changes), asked
+
+
+def test_branches_make_parts_of_what_the_policy_does_at_every_step() -> None:
+    tree, asked = parts(policy_shares=(0.25, 0.5), branches=5)
+    begun = start(tree, asked)
+    np.testing.assert_allclose(begun.first[1:3], np.outer([0.25, 0.5], begun.first[0]), atol=1e-6)
+    actions = roll_out(tree, begun)
+    then = state_after(tree, begun.phi, begun.now, actions[:, 0])
+    acted = tree.policy.act(begun.prepared, then).mean
+    wanted = np.array([1.0, 0.25, 0.5, 1.0, 1.0])[:, None] * acted
+    np.testing.assert_allclose(actions[:, 1], tree.space.project(jnp.asarray(wanted, jnp.float32), then), atol=1e-6)
+
+
+@pytest.mark.parametrize(("branches", "own"), [(1, 1), (2, 1), (3, 2), (8, 3)])
+def test_one_branch_is_left_for_the_remainder_and_without_a_policy_there_are_no_parts(branches: int, own: int) -> None:
+    tree, asked = parts(policy_shares=(0.25, 0.5), branches=branches)
+    first = np.asarray(start(tree, asked).first)
+    along = np.abs(np.cross(first[:, :3], first[:1, :3])).max(axis=1) < 1e-6
+    assert along.sum() == own
+    assert own_branches(tree)[:own].all()
+    assert own_branches(tree).sum() == min(own + 1, branches)
+    assert np.asarray(start(replace(tree, guided=False), asked).shares).tolist() == [1.0] * branches

@@ -1,7 +1,10 @@
 """Branches at moments between now and their end: what they show is what was simulated, and nothing is decided by it."""
 
 from dataclasses import replace
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,9 +12,9 @@ from app.config import Site
 from app.jobs import jit_cache
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
-from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, thin_out
+from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, grow, resimulate, thin_out
 from app.planner.search.sampling import SampleSchedule, SamplingPlanner
-from app.planner.search.tree import TreeConfig
+from app.planner.search.tree import TreeConfig, roll_out, simulate, start
 from app.planner.search.updates import Elites
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search, to_the_bit
 
@@ -50,6 +53,34 @@ def test_the_tool_is_on_its_path_at_every_moment(decision: Plan) -> None:
     np.testing.assert_allclose(branch.tools[[0, MOMENTS // 2]], branch.tool_path[[0, -1]], atol=ROUNDED_M)
     apart = np.linalg.norm(branch.tools[: MOMENTS // 2 + 1, None] - branch.tool_path[None], axis=2).min(1)
     assert apart.max() < ROUNDED_M
+
+
+def test_branches_are_grown_costed_and_shown_in_one_simulation() -> None:
+    tree, goal = filmed(), jnp.asarray(ASKED.goal)
+    begun = start(tree, ASKED)
+    grown, actions = grow(tree, begun, goal), jax.jit(partial(roll_out, tree))(begun)
+    again = jax.jit(partial(simulate, tree))(begun.phi, begun.now, goal, actions)
+    np.testing.assert_allclose(grown.rollout.actions, actions, atol=1e-5)
+    np.testing.assert_allclose(grown.rollout.cost, again.cost, rtol=1e-3, atol=1e-6)
+    shown = resimulate(tree, begun.phi, begun.now, goal, grown.rollout.actions)
+    np.testing.assert_allclose(grown.frames, shown.frames, atol=ROUNDED_M)
+    np.testing.assert_allclose(grown.tools, shown.tools, atol=ROUNDED_M)
+    assert not grow(search(), begun, goal).frames.size
+
+
+def test_what_was_not_descended_from_is_shown_as_it_was_grown_and_the_rest_anew() -> None:
+    planned = replace(planner(), search=replace(filmed(branches=6), descended=2))(ASKED)
+    begun = start(filmed(branches=6), ASKED)
+    frames = np.asarray(grow(filmed(branches=6), begun, jnp.asarray(ASKED.goal)).frames)
+    same = [
+        bool(np.allclose(branch.frames, its, atol=ROUNDED_M))
+        for branch, its in zip(planned.branches, frames, strict=True)
+    ]
+    better = [branch.cost_after < branch.cost_before for branch in planned.branches]
+    assert 1 <= sum(better) <= 2
+    assert same == [not each for each in better]
+    for branch in planned.branches:
+        np.testing.assert_array_equal(branch.frames[-1], branch.final)
 
 
 @to_the_bit

@@ -70,6 +70,7 @@ def test_a_soup_is_a_liquid_of_pieces_and_broth_each_with_its_particles() -> Non
 
 
 def test_a_soup_that_is_swept_is_refused_as_another_task_than_those_that_are_read() -> None:
-    swept = replace(load("pour_soup"), actions=load("bean_sweep").actions)
+    sweeps = load("bean_sweep")
+    swept = replace(load("pour_soup"), actions=sweeps.actions, presets=sweeps.presets)
     with pytest.raises(UsageError, match="carries of a cloth and pours; pour_soup is another task"):
         subject_of(swept)

@@ -36,6 +36,14 @@ FILE = Path(tasks.__file__).parent / "rope_push.py"
         (('"stiffness": 6.0e4', '"stifness": 6.0e4'), "Unknown parameter 'stifness'. Did you mean 'stiffness'"),
         (('calibrated=("stiffness"', 'calibrated=("softness"'), "Unknown parameter 'softness'"),
         (("branches=8,", "branches=0,"), "presets['cpu'].branches = 0 is outside its range"),
+        (
+            ("branches=8,", "branches=8, policy_shares=(0.5, 1.5),"),
+            "policy_shares = 1.5 is outside its range 0.001 to 1",
+        ),
+        (
+            ("branches=8,", "branches=8, policy_shares=(0.5,),"),
+            "number of policy_shares = 1 is outside its range 0 to 0",
+        ),
         (('name="rope_push"', 'name="rope_pull"'), "defines a task of the name 'rope_pull'"),
     ],
 )

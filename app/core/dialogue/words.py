@@ -97,6 +97,8 @@ def origin(proposal: Proposal) -> str:
         return "a motion of the demonstration"
     if proposal.chosen.origin == "edited":
         return f"the motion as you changed it, before {len(proposal.branches) - 1} others"
+    if proposal.chosen.origin == "part":
+        return f"a branch that makes a part of each of the policy's actions, of {len(proposal.branches)}"
     if proposal.chosen.origin == "learned":
         return f"the learned policy's branch, of {len(proposal.branches)}"
     return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"

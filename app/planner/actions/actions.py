@@ -58,6 +58,11 @@ class ActionSpace(Protocol):
         ...
 
     @property
+    def divisible(self) -> bool:
+        """True if a share of an action is a part of it: all of its numbers say how far to go from where the tool is."""
+        ...
+
+    @property
     def reach(self) -> Reach:
         """Lower and upper corner of where actions can bring the middle of an object [m]."""
         ...
@@ -143,6 +148,11 @@ class Pushes:
     def anywhere(self) -> bool:
         """An action begins beside the object, wherever the tool was."""
         return True
+
+    @property
+    def divisible(self) -> bool:
+        """An action says where it begins."""
+        return False
 
     @property
     def size(self) -> int:

@@ -62,6 +62,11 @@ class Carries:
         return False
 
     @property
+    def divisible(self) -> bool:
+        """An action says how far the fingers are open."""
+        return False
+
+    @property
     def size(self) -> int:
         """Four numbers a move."""
         return 4 * self.moves

@@ -59,6 +59,11 @@ class Pours:
         return False
 
     @property
+    def divisible(self) -> bool:
+        """A part of a shift and of a turn."""
+        return True
+
+    @property
     def chunk(self) -> tuple[int, int]:
         """The whole of it."""
         return 1, self.size

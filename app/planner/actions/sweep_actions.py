@@ -58,6 +58,11 @@ class Sweeps:
         return True
 
     @property
+    def divisible(self) -> bool:
+        """An action says where it begins."""
+        return False
+
+    @property
     def size(self) -> int:
         """Start and end."""
         return 4

@@ -10,9 +10,9 @@ from app.planner.search.updates import Elites
 GENERATIONS = 3
 STEPS = 1
 """Gradient steps of each sample and generation. More would leave too few samples to fit a sequence's Gaussian."""
-SMALLEST, LARGEST = 7, 128
-"""Samples of a generation: fewer are no population, and so many already cost thrice the least tree; more,
-differentiated at once, become more generations."""
+SMALLEST, LARGEST = 3, 128
+"""Samples of a generation: two elites and one more; more than the largest, differentiated at once, become more
+generations."""
 ELITE_SHARE = 4
 """One in so many is an elite."""
 

@@ -6,7 +6,6 @@ control").
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import final
 
 import jax
@@ -15,13 +14,14 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.core.errors import PlanningError
+from app.core.messages import Origin
 from app.core.types import Points
 from app.planner.base import Planner
 from app.planner.search.optimise import OptimizedRollouts
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import Ahead, PlanRequest
-from app.planner.search.rollout_frames import film
-from app.planner.search.tree import TreeConfig, roots, simulate, situation
+from app.planner.search.rollout_frames import resimulate
+from app.planner.search.tree import TreeConfig, roots, situation
 
 _KEPT = 0.9
 """Share of its promise that a plan made ahead has to keep where the object truly came to lie."""
@@ -53,13 +53,13 @@ class AheadPlanner:
         """The plan made ahead, for the object where it is; None where it does not hold."""
         actions = jnp.stack([jnp.asarray(branch.actions) for branch in ahead.branches])
         phi, now = roots(request, situation(self.search, request), len(actions))
-        rollout = simulate(self.search, phi, now, jnp.asarray(request.goal), actions)
-        found = jax.device_get(OptimizedRollouts.from_samples(rollout, rollout.cost[None]))
-        choice = partial(choose, self.search, found, [branch.origin for branch in ahead.branches], request)
+        again = resimulate(self.search, phi, now, jnp.asarray(request.goal), actions)
+        found = jax.device_get(OptimizedRollouts.from_samples(again.rollout, again.rollout.cost[None]))
+        origins: list[Origin] = [branch.origin for branch in ahead.branches]
         try:
-            plan = choice()
+            plan = choose(self.search, found, origins, request, seen=again.moments)
         except PlanningError:
             return None
         if not plan.branches[plan.best].cost_after <= -_KEPT * ahead.promise_m2 < 0.0:
             return None
-        return replace(choice(seen=film(self.search, phi, now, rollout.actions, rollout.final)), ahead=True)
+        return replace(plan, ahead=True)

@@ -13,15 +13,14 @@ SLOPE_ROLLOUTS = 6
 def tree_rollouts(search: TreeConfig, gradient_steps: int) -> int:
     """Rollouts of the paper's tree for a decision: of one candidate over the whole depth, forwards only.
 
-    Every branch is grown by the policy once (all but the last of its actions; counted as all) and simulated once; those
-    that are descended from are differentiated once a gradient step, and simulated once more at the end. Where all are,
-    as of a single branch, the first slopes are those of the first simulation. Each redraw simulates all once more.
+    Every branch is simulated as it is grown; each redraw simulates all once more; those that are descended from are
+    differentiated once a gradient step, and simulated once more at the end. What is simulated for display alone
+    does not count.
     """
     grown, descended = search.branches, descended_count(search)
     if not gradient_steps:
-        return 2 * grown
-    ranked = grown * (1 + len(search.redraws)) if descended < grown or search.redraws else 0
-    return grown + ranked + descended * (1 + SLOPE_ROLLOUTS * gradient_steps)
+        return grown
+    return grown * (1 + len(search.redraws)) + descended * (1 + SLOPE_ROLLOUTS * gradient_steps)
 
 
 def generation_rollouts(gradient_steps: int) -> int:

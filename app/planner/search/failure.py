@@ -25,7 +25,7 @@ def failed_action(search: TreeConfig, request: PlanRequest) -> Failed | None:
     """The first one of the tree that the request's seed samples, before descent; None where all branches stay finite.
 
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
-    fails here.
+    fails here, unless a rod does so in pieces alone.
     """
     grown = start(search, request)
     now, actions = grown.now, roll_out(search, grown)

@@ -177,34 +177,43 @@ def redraw(evaluate: Evaluate, found: Rollout, by: Redraws, *, scale: Float32[np
 
 def descend_from_cheapest(
     evaluate: Evaluate,
-    actions: Float[Array, "B D A"],
+    sampled: Rollout,
     *,
     count: int,
     steps: int,
     descent: OptimizerConfig,
     scale: Float32[np.ndarray, " A"],
     redraws: Redraws | None = None,
-) -> OptimizedRollouts:
-    """`descend` from the `count` candidates that cost least as they are, or once redrawn; the others stay so."""
-    if not steps or (count >= len(actions) and redraws is None):
-        return descend(evaluate, actions, steps=steps, descent=descent, scale=scale)
-    all_ = evaluate(actions)
-    if redraws is not None:
-        all_ = redraw(evaluate, all_, redraws, scale=scale)
-        actions = all_.actions
+) -> tuple[OptimizedRollouts, Int[Array, " K"]]:
+    """`descend` from the `count` that cost least of what was `sampled`, or once redrawn; the others stay as they are.
+
+    Without steps all of them do. Returns those that may not be as they were sampled, too. What was sampled is better
+    than an iterate that costs more, though it was simulated in another way.
+    """
+    if not steps:
+        return OptimizedRollouts.from_samples(sampled, sampled.cost[None]), jnp.arange(0)
+    all_ = sampled if redraws is None else redraw(evaluate, sampled, redraws, scale=scale)
     chosen = jnp.argsort(all_.masked_cost)[:count]
-    found = descend(evaluate, actions[chosen], steps=steps, descent=descent, scale=scale)
+
+    def drawn(mine: Array) -> Array:
+        return mine[chosen]
+
+    here = jax.tree.map(drawn, all_)
+    found = descend(evaluate, here.actions, steps=steps, descent=descent, scale=scale)
+    better = select(_better(found.best, here), found.best, here)
 
     def placed(mine: Array, its: Array) -> Array:
         return mine.at[chosen].set(its)
 
-    return OptimizedRollouts(
-        best=jax.tree.map(placed, all_, found.best),
-        cost_before=placed(all_.cost, found.cost_before),
+    best = jax.tree.map(placed, all_, better)
+    bettered = OptimizedRollouts(
+        best=best,
+        cost_before=all_.cost,
         iterates=jnp.tile(all_.cost, (len(found.iterates), 1)).at[:, chosen].set(found.iterates),
-        lost_gradients=jnp.zeros(len(actions), jnp.int32).at[chosen].set(found.lost_gradients),
-        finite=placed(all_.finite, found.finite),
+        lost_gradients=jnp.zeros(len(all_.cost), jnp.int32).at[chosen].set(found.lost_gradients),
+        finite=best.finite,
     )
+    return bettered, chosen if redraws is None else jnp.arange(len(all_.cost))
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:

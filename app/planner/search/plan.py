@@ -8,7 +8,7 @@ from typing import final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32, PRNGKeyArray
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.arm.gate import refusal
 from app.core.errors import PlanningError
@@ -16,18 +16,25 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, Redraws, descend_from_cheapest
+from app.planner.search.optimise import (
+    Optimise,
+    OptimizedRollouts,
+    OptimizerConfig,
+    Redraws,
+    descend_from_cheapest,
+)
 from app.planner.search.request import PlanRequest, Ways
-from app.planner.search.rollout_frames import RolloutFrames, compile_film, film
+from app.planner.search.rollout_frames import RolloutFrames, ShownRollout, grow, resimulate
 from app.planner.search.tree import (
     Rollout,
+    RootBatch,
     TreeConfig,
     continues,
     descended_count,
     first_of,
     own_branches,
+    policy_shares,
     random_key,
-    roll_out,
     simulate,
     start,
     tool_pose,
@@ -61,7 +68,7 @@ class Plan:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TreePlanner:
-    """The paper's planner. What is heavy are two compiled functions, each of all branches at once.
+    """The paper's planner. What is heavy are compiled functions of many branches at once: grow, descend, show anew.
 
     Descent begins from the cheapest branches, as many as `descended_count` says: in the decisions that were looked at
     hardly any other became the best (docs/results.md, "Descent from the cheaper half"). Before, random ones may be
@@ -75,28 +82,56 @@ class TreePlanner:
 
     def __call__(self, request: PlanRequest) -> Plan:
         """Sample, roll out, descend, choose. Raises PlanningError where no branch stayed finite."""
-        tree = start(self.search, request)
-        actions, key = _rolled_out(self.search, tree), random_key(request.seed)
-        descended = _descend(self, tree.phi, tree.now, jnp.asarray(request.goal), actions, key)
-        origins: list[Origin] = ["random"] * self.search.branches
-        if self.search.guided:
-            origins[0] = self.search.origin
-        if continues(self.search, request):
-            origins[-1] = "continued"
-        seen = film(self.search, tree.phi, tree.now, descended.best.actions, descended.best.final)
-        found = jax.device_get(descended)
-        return choose(self.search, found, origins, request, seen=seen)
+        tree, goal = start(self.search, request), jnp.asarray(request.goal)
+        grown = grow(self.search, tree, goal)
+        decided = _descend(self, tree.phi, tree.now, goal, grown.rollout, random_key(request.seed))
+        found, changed = jax.device_get(decided)
+        seen = self._seen(tree, goal, grown, found.best, changed)
+        return choose(self.search, found, self._origins(request), request, seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
-        """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
-        tree = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
-        actions = _rolled_out(self.search, tree)
-        _descend.lower(self, tree.phi, tree.now, jnp.asarray(example), actions, random_key(0)).compile()
-        compile_film(self.search, tree.phi, tree.now, actions)
-        _ways(self.search, actions[:, 0], PARKED_POSE)
+        """Compile for states and goals of the size of `example` (N, 3): simulates the branches once, no descent."""
+        tree, goal = start(self.search, PlanRequest(observed=example, goal=example, phi=phi)), jnp.asarray(example)
+        grown = grow(self.search, tree, goal)
+        _descend.lower(self, tree.phi, tree.now, goal, grown.rollout, random_key(0)).compile()
+        if changed := self._changed:
+            few, now, actions = first_of((tree.phi, tree.now, grown.rollout.actions), changed)
+            resimulate.lower(self.search, few, now, goal, actions).compile()
+        _ways(self.search, grown.rollout.actions[:, 0], PARKED_POSE)
 
+    def _seen(
+        self,
+        tree: RootBatch,
+        goal: Float[Array, "M 3"],
+        grown: ShownRollout,
+        best: Rollout,
+        changed: Int[np.ndarray, " K"],
+    ) -> RolloutFrames:
+        """Moments of the branches; those that may have `changed` since they were sampled are simulated once more."""
+        if self.search.part is None or not len(changed):
+            return grown.moments
+        phi, now = first_of((tree.phi, tree.now), len(changed))
+        anew = resimulate(self.search, phi, now, goal, jnp.asarray(best.actions[changed])).moments
+        return grown.moments.with_those(anew.ending_in(best.final[changed]), changed)
 
-_rolled_out = jax.jit(roll_out, static_argnums=0)
+    def _origins(self, request: PlanRequest) -> Sequence[Origin]:
+        """Origin of each branch's actions."""
+        own = len(policy_shares(self.search))
+        parts: list[Origin] = ["part" for _ in range(1, own)]
+        random: list[Origin] = ["random" for _ in range(own, self.search.branches)]
+        policy: list[Origin] = [self.search.origin for _ in range(min(own, 1))]
+        origins = policy + parts + random
+        if continues(self.search, request):
+            origins[-1] = "continued"
+        return origins
+
+    @property
+    def _changed(self) -> int:
+        """Number of branches that do not stay as they are sampled."""
+        if self.optimise is None and not self.gradient_steps:
+            return 0
+        whole = self.optimise is not None or self.search.redraws
+        return self.search.branches if whole else descended_count(self.search)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -105,9 +140,10 @@ def _descend(
     phi: Float[Array, "B P"],
     now: PlanningState,
     goal: Float[Array, "M 3"],
-    actions: Float[Array, "B D A"],
+    sampled: Rollout,
     key: PRNGKeyArray,
-) -> OptimizedRollouts:
+) -> tuple[OptimizedRollouts, Int[Array, " K"]]:
+    """The branches as they are decided between, and which of them may not be as they were sampled."""
     search, scale = planner.search, planner.search.space.scale()
 
     def evaluate(actions: Float[Array, "K D A"]) -> Rollout:
@@ -115,10 +151,10 @@ def _descend(
         return simulate(search, few, here, goal, actions)
 
     if planner.optimise is not None:
-        return planner.optimise(evaluate, actions, scale)
+        return planner.optimise(evaluate, sampled.actions, scale), jnp.arange(search.branches)
     return descend_from_cheapest(
         evaluate,
-        actions,
+        sampled,
         count=descended_count(search),
         steps=planner.gradient_steps,
         descent=planner.descent,

@@ -1,15 +1,22 @@
-"""States of branches at moments between now and their end: simulated once more, in pieces."""
+"""States of branches at moments between now and their end: actions are simulated in pieces."""
 
+from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import Final, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32
+from jaxtyping import Array, Float, Float32, Int
 
-from app.planner.search.tree import TreeConfig
+from app.planner.search.tree import (
+    Rollout,
+    RootBatch,
+    TreeConfig,
+    cuts_of,
+    follow,
+    wanted_action,
+)
 from app.policy.base import PlanningState
 
 MOMENTS: Final = 8
@@ -27,32 +34,51 @@ class RolloutFrames(NamedTuple):
     frames: Float32[np.ndarray, "B F N 3"]
     tools: Float32[np.ndarray, "B F 3"]
 
+    def ending_in(self, final: Float32[np.ndarray, "B N 3"]) -> "RolloutFrames":
+        """The same, but for the last moment, which is as it was decided by."""
+        if not self.frames.size:
+            return self
+        return self._replace(frames=np.concatenate([self.frames[:, :-1], thin_out(final)[:, None]], axis=1))
 
-def film(
+    def with_those(self, others: "RolloutFrames", at: Int[np.ndarray, " K"]) -> "RolloutFrames":
+        """These, but for the branches `at`, which look like the `others`."""
+        frames, tools = self.frames.copy(), self.tools.copy()
+        frames[at], tools[at] = others.frames, others.tools
+        return RolloutFrames(frames, tools)
+
+
+class ShownRollout(NamedTuple):
+    """Rollouts, and the moments of them as `RolloutFrames`, on the device."""
+
+    rollout: Rollout
+    frames: Float[Array, "B F N 3"]
+    tools: Float[Array, "B F 3"]
+
+    @property
+    def moments(self) -> RolloutFrames:
+        """The moments, on the host."""
+        return RolloutFrames(*jax.device_get((self.frames, self.tools)))
+
+
+@partial(jax.jit, static_argnums=0)
+def grow(search: TreeConfig, tree: RootBatch, goal: Float[Array, "M 3"]) -> ShownRollout:
+    """The branches of the tree: the policy acts in what it meets, and what comes of it is costed, in one simulation."""
+    return _shown(search, tree.phi, tree.now, goal, partial(wanted_action, search, tree))
+
+
+@partial(jax.jit, static_argnums=0)
+def resimulate(
     search: TreeConfig,
     phi: Float[Array, "B P"],
     now: PlanningState,
+    goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
-    final: Float[Array, "B N 3"],
-) -> RolloutFrames:
-    """The branches that make `actions` from `now` on, which end in `final`, or no moments where `search` has no `part`.
+) -> ShownRollout:
+    """Branches that make these actions from `now` on.
 
-    It costs one simulation of the branches: 0.19 s beside the 3.7 s of a rope's decision on two cores. On a GPU, one
-    that is interrupted adds up its forces in another order, which may move a particle by a hair; the end is what was
-    decided by.
+    Rods that are simulated in pieces, and anything on a GPU, may end a hair from where they do as a whole.
     """
-    if search.part is None:
-        return RolloutFrames(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))
-    frames, tools = jax.device_get(_frames_of(search, phi, now, jnp.asarray(actions)))
-    return RolloutFrames(np.concatenate([frames[:, :-1], thin_out(np.asarray(final))[:, None]], axis=1), tools)
-
-
-def compile_film(
-    search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
-) -> None:
-    """Compile what `film` will use."""
-    if search.part is not None:
-        _frames_of.lower(search, phi, now, actions).compile()
+    return _shown(search, phi, now, goal, lambda step, _: actions[:, step])
 
 
 def thin_out(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes K 3"]:
@@ -60,31 +86,26 @@ def thin_out(x: Float32[np.ndarray, "*axes N 3"]) -> Float32[np.ndarray, "*axes 
     return x[..., :: _stride(x.shape[-2]), :]
 
 
-@partial(jax.jit, static_argnums=0)
-def _frames_of(
-    search: TreeConfig, phi: Float[Array, "B P"], now: PlanningState, actions: Float[Array, "B D A"]
-) -> tuple[Float[Array, "B F K 3"], Float[Array, "B F 3"]]:
-    """Action by action, and each of them piece by piece."""
-    assert search.part is not None
-    depth = actions.shape[1]
-    frames, tools = [now.x], list[Array]()
-    for step in range(depth):
-        path = search.space.tool_path(actions[:, step], now.tool)
-        cuts = _cuts(path.shape[1] - 1, max(MOMENTS // depth, 1))
-        tools += [path[:, cut, :3] for cut in (cuts[1:] if tools else cuts)]
-        state = now.state
-        for begin, end in pairwise(cuts):
-            state = search.part(phi, state, path[:, begin : end + 1], now.x)
-            frames.append(state.x)
-        rested = state.resting() if search.at_rest else state
-        now = PlanningState(rested, search.space.after(actions[:, step], now.tool))
-    stride = _stride(now.x.shape[1])
-    return jnp.stack(frames, axis=1)[:, :, ::stride], jnp.stack(tools, axis=1)
-
-
-def _cuts(substeps: int, pieces: int) -> list[int]:
-    """Substeps at which an action is cut, from 0 to its end; pieces differ by a substep at most."""
-    return [round(cut) for cut in np.linspace(0, substeps, pieces + 1)]
+def _shown(
+    search: TreeConfig,
+    phi: Float[Array, "B P"],
+    now: PlanningState,
+    goal: Float[Array, "M 3"],
+    wanted: Callable[[int, PlanningState], Float[Array, "B A"]],
+) -> ShownRollout:
+    """Simulated action by action, and each of them piece by piece; without a `part` as a whole, and without moments."""
+    pieces = 0 if search.part is None else max(MOMENTS // search.depth, 1)
+    rollout, passed = follow(search, phi, now, goal, wanted, pieces)
+    if not pieces:
+        return ShownRollout(rollout, jnp.zeros((len(phi), 0, 0, 3)), jnp.zeros((len(phi), 0, 3)))
+    tools, tool = list[Array](), now.tool
+    for step in range(search.depth):
+        action = rollout.actions[:, step]
+        path = search.space.tool_path(action, tool)
+        tools += [path[:, cut, :3] for cut in cuts_of(path, pieces)[bool(tools) :]]
+        tool = search.space.after(action, tool)
+    frames = jnp.concatenate([now.x[:, None], *passed], axis=1).at[:, -1].set(rollout.final)
+    return ShownRollout(rollout, frames[:, :, :: _stride(frames.shape[2])], jnp.stack(tools, axis=1))
 
 
 def _stride(count: int) -> int:

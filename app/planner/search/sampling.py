@@ -17,7 +17,7 @@ from app.planner.search.budget import SampleBudget
 from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.plan import Plan, choose
 from app.planner.search.request import PlanRequest
-from app.planner.search.rollout_frames import compile_film, film
+from app.planner.search.rollout_frames import resimulate
 from app.planner.search.tree import Rollout, RootBatch, TreeConfig, first_of, random_key, simulate, start
 from app.planner.search.updates import Gaussian, Update
 from app.policy.base import PlanningState
@@ -83,16 +83,18 @@ class SamplingPlanner:
         begun = self.shift(start(self.search, request), request)
         found = _evolve(self, begun, jnp.asarray(request.goal), random_key(request.seed))
         origins: list[Origin] = ["sampled"] * self.schedule.kept
-        seen = film(self.search, *_first(begun, self.schedule.kept), found.best.actions, found.best.final)
+        kept, goal = _first(begun, self.schedule.kept), jnp.asarray(request.goal)
+        seen = resimulate(self.search, *kept, goal, found.best.actions).moments
         descended = jax.device_get(found)
-        return choose(self.search, descended, origins, request, seen=seen)
+        return choose(self.search, descended, origins, request, seen=seen.ending_in(descended.best.final))
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
         begun = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
-        _evolve.lower(self, begun, jnp.asarray(example), random_key(0)).compile()
-        kept = self.schedule.kept
-        compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
+        goal, kept = jnp.asarray(example), self.schedule.kept
+        _evolve.lower(self, begun, goal, random_key(0)).compile()
+        actions = jnp.zeros((kept, self.search.depth, self.search.space.size))
+        resimulate.lower(self.search, *_first(begun, kept), goal, actions).compile()
 
     def shift(self, begun: RootBatch, request: PlanRequest) -> RootBatch:
         """Draw some of the first samples about the remainder of the plan before; the last is that itself."""

@@ -1,8 +1,9 @@
-"""The tree of trajectories: random first actions, the policy's and the last plan's, each continued by the policy."""
+"""The tree of trajectories: first actions that are random, the policy's or the last plan's, continued by the policy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple, Protocol, TypeVar, final
 
 import jax
@@ -51,6 +52,7 @@ class TreeConfig:
     in between are shown. `origin`: the name of the policy's branch.
     `descended`: so many of the cheapest branches are descended from, half of them where it is None. `redraws`: before
     that, random branches are drawn anew about the cheapest, once for each of these spreads [scale of actions].
+    `policy_shares`: in place of as many random branches, ones that make such a share of each of the policy's actions.
     """
 
     space: ActionSpace
@@ -66,6 +68,7 @@ class TreeConfig:
     origin: Origin = "policy"
     descended: int | None = None
     redraws: tuple[float, ...] = ()
+    policy_shares: tuple[float, ...] = ()
 
 
 class Rollout(NamedTuple):
@@ -96,7 +99,8 @@ class Rollout(NamedTuple):
 class RootBatch(NamedTuple):
     """Roots of a tree: model and state of each branch, first actions, and later ones where the policy has no say.
 
-    `given`: which of the later ones are taken; in place of others the policy acts. Without a policy all are.
+    `given`: which of the later ones are taken; in place of others the policy acts, and this share of it is made, as of
+    the first ones. Without a policy all are given.
     """
 
     prepared: Prepared
@@ -105,10 +109,11 @@ class RootBatch(NamedTuple):
     first: Float[Array, "B A"]
     later: Float[Array, "B L A"]
     given: Bool[Array, "B L"]
+    shares: Float[Array, " B"]
 
 
 def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
-    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them.
+    """First actions: the policy's, parts of it, then random ones; unguided all are random, and those after them.
 
     The last branch is the remainder of the plan before, where there is one, and a branch beside the policy's.
     """
@@ -116,7 +121,9 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
     observed, pose, here = request.observed, tool_pose(request), situation(search, request)
     phi, now = roots(request, here, count)
     kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
-    missing = count - len(kept[1])
+    own = policy_shares(search)
+    firsts = [share * action for action in kept[1] for share in own]
+    missing = count - len(own)
     random = [np.array(search.space.sample(rng, observed, pose, missing))] if missing else []
     drawn = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     later = np.stack(drawn, axis=1) if drawn else np.zeros((count, depth - 1, search.space.size), np.float32)
@@ -127,9 +134,10 @@ def start(search: TreeConfig, request: PlanRequest) -> RootBatch:
         prepared=kept[0],
         phi=phi,
         now=now,
-        first=jnp.concatenate([*kept[1], *random]),
+        first=jnp.concatenate([*firsts, *random]),
         later=jnp.asarray(later),
         given=jnp.asarray(given),
+        shares=jnp.concatenate([jnp.asarray(own, jnp.float32), jnp.ones(missing, jnp.float32)]),
     )
 
 
@@ -139,10 +147,18 @@ def descended_count(search: TreeConfig) -> int:
     return half if search.descended is None else min(search.descended, search.branches)
 
 
+def policy_shares(search: TreeConfig) -> tuple[float, ...]:
+    """The share of the policy's actions that each of the first branches makes: all of it, and then others.
+
+    A branch is left for the remainder of the plan before, as far as there is one. Unguided there are none.
+    """
+    return (1.0, *search.policy_shares[: max(search.branches - 2, 0)]) if search.guided else ()
+
+
 def own_branches(search: TreeConfig) -> Bool[np.ndarray, " B"]:
-    """Mask of the branches that are the policy's, or may be the remainder of the plan before: none of random ones."""
+    """Mask of the branches that are the policy's or parts of it, or may be the remainder of the plan before."""
     mine = np.zeros(search.branches, bool)
-    mine[0] = search.guided
+    mine[: len(policy_shares(search))] = True
     mine[-1] |= search.depth > 1
     return mine
 
@@ -207,13 +223,21 @@ def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
     """All actions of all branches: after the first, those that are given, or what the policy does in what it meets."""
     now = tree.now
     actions = [search.space.project(tree.first, now)]
-    for step in range(search.depth - 1):
+    for step in range(1, search.depth):
         now = state_after(search, tree.phi, now, actions[-1])
-        wanted = tree.later[:, step]
-        if search.guided:
-            wanted = jnp.where(tree.given[:, step, None], wanted, search.policy.act(tree.prepared, now).mean)
-        actions.append(search.space.project(wanted, now))
+        actions.append(search.space.project(wanted_action(search, tree, step, now), now))
     return jnp.stack(actions, axis=1)
+
+
+def wanted_action(search: TreeConfig, tree: RootBatch, step: int, now: PlanningState) -> Float[Array, "B A"]:
+    """Action number `step` of each branch in the situation that it meets, before it is projected."""
+    if not step:
+        return tree.first
+    wanted = tree.later[:, step - 1]
+    if not search.guided:
+        return wanted
+    acted = tree.shares[:, None] * search.policy.act(tree.prepared, now).mean
+    return jnp.where(tree.given[:, step - 1, None], wanted, acted)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -233,22 +257,37 @@ def simulate(
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Rollout:
-    """Simulate every branch and cost it. Differentiable in `actions`, `now` and `phi`. Traced once for all that use it.
+    """Simulate every branch and cost it: see `follow`. Traced once for all that use it."""
+    return follow(search, phi, now, goal, lambda step, _: actions[:, step])[0]
 
-    Actions are projected onto what is allowed in the state they meet; gradients pass the projection straight through
-    (its own derivative would forget how a start that was moved aside got there).
+
+def follow(
+    search: TreeConfig,
+    phi: Float[Array, "B P"],
+    now: PlanningState,
+    goal: Float[Array, "M 3"],
+    wanted: Callable[[int, PlanningState], Float[Array, "B A"]],
+    pieces: int = 0,
+) -> tuple[Rollout, list[Float[Array, "B F N 3"]]]:
+    """Simulate and cost the actions that are `wanted` of each branch, given their number and the situation then.
+
+    Each action is simulated in F `pieces`, after which the particles are returned too, or as a whole (F = 0).
+    Differentiable in actions, `now` and `phi`. Actions are projected onto what is allowed in the state they meet;
+    gradients pass the projection straight through (its own derivative would forget how a start that was moved aside
+    got there).
     """
-    taken: list[Float[Array, "B A"]] = []
+    taken, passed = list[Float[Array, "B A"]](), list[Float[Array, "B F N 3"]]()
     seen = [now]
     terms = Terms(*jnp.zeros((3, len(phi))))
     allowed = jnp.ones(len(phi), bool)
     for step in range(search.depth):
-        made = _make_step(search, phi, seen[-1], goal, actions[:, step])
+        made = _make_step(search, pieces, phi, seen[-1], goal, wanted(step, seen[-1]))
         taken.append(made.action)
+        passed.append(made.passed)
         allowed &= made.allowed
         terms = terms.plus(made.terms, search.weights.discount**step)
         seen.append(made.then)
-    return Rollout(
+    rollout = Rollout(
         actions=jnp.stack(taken, axis=1),
         first=seen[1].x,
         centreline=seen[1].state.centreline,
@@ -257,20 +296,26 @@ def simulate(
         cost=terms.total(search.weights),
         allowed=allowed,
     )
+    return rollout, passed
 
 
 class _Step(NamedTuple):
-    """One action of each candidate: as it was simulated, if it may be made, what it costs, and the situation then."""
+    """One action of each candidate: as it was simulated, if it may be made, what it costs, and the situation then.
+
+    `passed`: the particles after each of its pieces.
+    """
 
     action: Float[Array, "B A"]
     allowed: Bool[Array, " B"]
     terms: Terms
     then: PlanningState
+    passed: Float[Array, "B F N 3"]
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jax.jit, static_argnums=(0, 1))
 def _make_step(
     search: TreeConfig,
+    pieces: int,
     phi: Float[Array, "B P"],
     now: PlanningState,
     goal: Float[Array, "M 3"],
@@ -279,10 +324,38 @@ def _make_step(
     here, start = jax.lax.stop_gradient((wanted, now))
     action = wanted + (search.space.project(here, start) - here)
     path = search.space.tool_path(action, now.tool)
-    state = search.advance(phi, now.state, path)
+    passed = _in_pieces(search, phi, now.state, path, cuts_of(path, pieces)) if pieces else ()
+    state = _final_state(search, passed[-1]) if passed else search.advance(phi, now.state, path)
     return _Step(
         action=action,
         allowed=search.space.is_allowed(action, now),
         terms=step_terms(now.x, state.x, goal, path, search.weights),
         then=PlanningState(state, search.space.after(action, now.tool)),
+        passed=jnp.stack([part.x for part in passed], axis=1) if passed else now.x[:, None][:, :0],
     )
+
+
+def _in_pieces(
+    search: TreeConfig,
+    phi: Float[Array, "B P"],
+    state: ObjectState,
+    path: Float[Array, "B T C"],
+    cuts: Sequence[int],
+) -> Sequence[ObjectState]:
+    """The states at these substeps of an action but the first, each simulated from the one before."""
+    assert search.part is not None
+    began, states = state.x, list[ObjectState]()
+    for first, last in pairwise(cuts):
+        state = search.part(phi, state, path[:, first : last + 1], began)
+        states.append(state)
+    return states
+
+
+def cuts_of(path: Float[Array, "B T C"], pieces: int) -> Sequence[int]:
+    """Substeps at which an action is cut, from 0 to its end; pieces differ by a substep at most."""
+    return [round(cut) for cut in np.linspace(0, path.shape[1] - 1, pieces + 1)]
+
+
+def _final_state(search: TreeConfig, state: ObjectState) -> ObjectState:
+    """The state in which the last piece of an action leaves the object for the next one."""
+    return state.resting() if search.at_rest else state

@@ -45,7 +45,7 @@ _AROUND_M, _PIXEL_M = 0.04, 0.008
 _ROUNDED = 1e-6
 """Relative rounding error of a number in single precision."""
 _LEAST_SPREAD = 1e-3
-"""Spread [scale of actions] below which nothing is drawn anew."""
+"""Spread [scale of actions] below which nothing is drawn anew, and share of an action below which it is none."""
 _LONGEST, _LARGEST_TIME_SCALE, _MOST = 1e3, 1e2, 1e6
 """Upper bounds on actions, time scale and sizes of presets: a larger number is a mistake."""
 
@@ -53,9 +53,9 @@ _LONGEST, _LARGEST_TIME_SCALE, _MOST = 1e3, 1e2, 1e6
 @final
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Size of the search for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions.
+    """Size of the search for one decision: `branches`, one of them the policy's, of `depth` actions each.
 
-    `descended`, `redraws`: see `TreeConfig`.
+    `descended`, `redraws`, `policy_shares`: see `TreeConfig`.
     """
 
     branches: int
@@ -64,11 +64,12 @@ class Preset:
     gradient_steps: int
     descended: int | None = None
     redraws: tuple[float, ...] = ()
+    policy_shares: tuple[float, ...] = ()
 
     @property
     def numbers(self) -> Mapping[str, int]:
         """The counts that it says, by name."""
-        return {name: each for name, each in vars(self).items() if name != "redraws" and each is not None}
+        return {name: each for name, each in vars(self).items() if isinstance(each, int)}
 
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
@@ -238,6 +239,12 @@ class Task:
                 check_range(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
             for spread in preset.redraws:
                 check_range(f"presets[{kind!r}].redraws", spread, _LEAST_SPREAD, _MOST)
+            for share in preset.policy_shares:
+                check_range(f"presets[{kind!r}].policy_shares", share, _LEAST_SPREAD, 1.0)
+            most = max(preset.branches - 2, 0) if self.actions.divisible else 0
+            check_range(
+                f"presets[{kind!r}], number of policy_shares", float(len(preset.policy_shares)), 0.0, float(most)
+            )
 
     @property
     def views(self) -> tuple[OrthographicView, ...]:
