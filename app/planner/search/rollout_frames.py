@@ -76,7 +76,7 @@ def resimulate(
 ) -> ShownRollout:
     """Branches that make these actions from `now` on.
 
-    Rods that are simulated in pieces, and anything on a GPU, may end a hair from where they do as a whole.
+    What is simulated in pieces may end elsewhere than as a whole: rods by up to 0.3 mm, on a GPU anything by a hair.
     """
     return _shown(search, phi, now, goal, lambda step, _: actions[:, step])
 
