@@ -14,7 +14,8 @@ from app.config import Site
 from app.jobs import jit_cache
 from app.planner.search.optimise import OptimizedRollouts, OptimizerConfig, descend
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import RootBatch, TreeConfig, roll_out, simulate, start
+from app.planner.search.rollout_frames import grow
+from app.planner.search.tree import RootBatch, TreeConfig, simulate, start
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import load
 
@@ -66,7 +67,8 @@ def _descend(
     search: TreeConfig, descent: OptimizerConfig, steps: int, tree: RootBatch, goal: Float[Array, "M 3"]
 ) -> tuple[OptimizedRollouts, Float[Array, "B 8"]]:
     evaluate = partial(simulate, search, tree.phi, tree.now, goal)
-    found = descend(evaluate, roll_out(search, tree), steps=steps, descent=descent, scale=search.space.scale())
+    actions = grow(search, tree, goal).rollout.actions
+    found = descend(evaluate, actions, steps=steps, descent=descent, scale=search.space.scale())
     return found, search.space.after(found.best.actions[:, 0], tree.now.tool)
 
 

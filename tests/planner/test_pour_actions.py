@@ -16,7 +16,8 @@ from app.core.motion import pointing_down
 from app.jobs import jit_cache
 from app.planner.actions.pour_actions import from_upright, tilt
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import TreeConfig, own_branches, roll_out, start, state_after
+from app.planner.search.rollout_frames import grow
+from app.planner.search.tree import TreeConfig, own_branches, start, state_after
 from app.policy.base import PlanningState
 from app.tasks import load
 
@@ -131,14 +132,14 @@ def parts(**changes: object) -> tuple[TreeConfig, PlanRequest]:
     tree = jit_cache.search("pour_water-hard", "cpu", phi)
     x, place = task.particles(task.start(0), 300), pointing_down(np.array([0.45, 0.02, 0.2]))
     asked = PlanRequest(observed=x, goal=task.goal(0, 300), phi=phi, tool=place, seed=3)
-    return replace(tree, advance=lambda phi, state, path: state, **changes), asked
+    return replace(tree, advance=lambda phi, state, path: state, part=None, **changes), asked
 
 
 def test_branches_make_parts_of_what_the_policy_does_at_every_step() -> None:
     tree, asked = parts(policy_shares=(0.25, 0.5), branches=5)
     begun = start(tree, asked)
     np.testing.assert_allclose(begun.first[1:3], np.outer([0.25, 0.5], begun.first[0]), atol=1e-6)
-    actions = roll_out(tree, begun)
+    actions = grow(tree, begun, jnp.asarray(asked.goal)).rollout.actions
     then = state_after(tree, begun.phi, begun.now, actions[:, 0])
     acted = tree.policy.act(begun.prepared, then).mean
     wanted = np.array([1.0, 0.25, 0.5, 1.0, 1.0])[:, None] * acted

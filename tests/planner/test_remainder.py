@@ -15,8 +15,9 @@ from app.planner.method import Method, planners
 from app.planner.planner_factory import make_planner
 from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest, remainder_of
+from app.planner.search.rollout_frames import grow
 from app.planner.search.sampling import SamplingPlanner
-from app.planner.search.tree import RootBatch, roll_out, simulate, start
+from app.planner.search.tree import RootBatch, simulate, start
 from app.policy.base import PARKED_POSE as POSE
 from app.tasks import load, names
 from tests.planner.table import PHI, SPACE, TASK, planner, rope, search
@@ -54,7 +55,7 @@ def test_where_the_world_does_as_predicted_no_plan_is_worse_than_what_is_left_of
     assert rest is not None
     assert rest.shape == (DEPTH - 1, SPACE.size)
     root = last(start(made.search, request))
-    actions = jax.jit(partial(roll_out, made.search))(root)
+    actions = grow(made.search, root, jnp.asarray(request.goal)).rollout.actions
     np.testing.assert_allclose(actions[0, : DEPTH - 1], rest, atol=1e-4)
     left = jax.jit(partial(simulate, made.search))(root.phi, root.now, jnp.asarray(request.goal), actions)
     assert bool(left.allowed[0])

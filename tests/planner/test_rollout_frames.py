@@ -14,7 +14,7 @@ from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.rollout_frames import MOMENTS, MOST_PARTICLES, grow, resimulate, thin_out
 from app.planner.search.sampling import SampleSchedule, SamplingPlanner
-from app.planner.search.tree import TreeConfig, roll_out, simulate, start
+from app.planner.search.tree import TreeConfig, simulate, start
 from app.planner.search.updates import Elites
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search, to_the_bit
 
@@ -58,9 +58,9 @@ def test_the_tool_is_on_its_path_at_every_moment(decision: Plan) -> None:
 def test_branches_are_grown_costed_and_shown_in_one_simulation() -> None:
     tree, goal = filmed(), jnp.asarray(ASKED.goal)
     begun = start(tree, ASKED)
-    grown, actions = grow(tree, begun, goal), jax.jit(partial(roll_out, tree))(begun)
-    again = jax.jit(partial(simulate, tree))(begun.phi, begun.now, goal, actions)
-    np.testing.assert_allclose(grown.rollout.actions, actions, atol=1e-5)
+    grown, whole = grow(tree, begun, goal), grow(search(), begun, goal).rollout
+    again = jax.jit(partial(simulate, tree))(begun.phi, begun.now, goal, whole.actions)
+    np.testing.assert_allclose(grown.rollout.actions, whole.actions, atol=1e-5)
     np.testing.assert_allclose(grown.rollout.cost, again.cost, rtol=1e-3, atol=1e-6)
     shown = resimulate(tree, begun.phi, begun.now, goal, grown.rollout.actions)
     np.testing.assert_allclose(grown.frames, shown.frames, atol=ROUNDED_M)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from app.planner.search.request import PlanRequest
-from app.planner.search.tree import TreeConfig, roll_out, start, state_after
+from app.planner.search.tree import TreeConfig, start, state_after, wanted_action
 from app.sim.diagnosis.object_state import ObjectState
 
 
@@ -27,11 +27,11 @@ def failed_action(search: TreeConfig, request: PlanRequest) -> Failed | None:
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here, unless a rod does so in pieces alone.
     """
-    grown = start(search, request)
-    now, actions = grown.now, roll_out(search, grown)
+    tree = start(search, request)
+    now = tree.now
     for depth in range(search.depth):
-        action = search.space.project(actions[:, depth], now)
-        path, after = search.space.tool_path(action, now.tool), state_after(search, grown.phi, now, action)
+        action = search.space.project(wanted_action(search, tree, depth, now), now)
+        path, after = search.space.tool_path(action, now.tool), state_after(search, tree.phi, now, action)
         broken = ~np.isfinite(jax.device_get(after.x)).all(axis=(1, 2))
         if broken.any():
             branch = int(np.argmax(broken))

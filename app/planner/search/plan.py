@@ -16,13 +16,7 @@ from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.search.optimise import (
-    Optimise,
-    OptimizedRollouts,
-    OptimizerConfig,
-    Redraws,
-    descend_from_cheapest,
-)
+from app.planner.search.optimise import Optimise, OptimizedRollouts, OptimizerConfig, Redraws, descend_from_cheapest
 from app.planner.search.request import PlanRequest, Ways
 from app.planner.search.rollout_frames import RolloutFrames, ShownRollout, grow, resimulate
 from app.planner.search.tree import (
@@ -93,9 +87,11 @@ class TreePlanner:
         """Compile for states and goals of the size of `example` (N, 3): simulates the branches once, no descent."""
         tree, goal = start(self.search, PlanRequest(observed=example, goal=example, phi=phi)), jnp.asarray(example)
         grown = grow(self.search, tree, goal)
-        _descend.lower(self, tree.phi, tree.now, goal, grown.rollout, random_key(0)).compile()
-        if changed := self._changed:
-            few, now, actions = first_of((tree.phi, tree.now, grown.rollout.actions), changed)
+        descent = _descend.lower(self, tree.phi, tree.now, goal, grown.rollout, random_key(0))
+        descent.compile()
+        _, changed = descent.out_info
+        if self.search.part is not None and changed.size:
+            few, now, actions = first_of((tree.phi, tree.now, grown.rollout.actions), changed.size)
             resimulate.lower(self.search, few, now, goal, actions).compile()
         _ways(self.search, grown.rollout.actions[:, 0], PARKED_POSE)
 
@@ -116,22 +112,12 @@ class TreePlanner:
 
     def _origins(self, request: PlanRequest) -> Sequence[Origin]:
         """Origin of each branch's actions."""
-        own = len(policy_shares(self.search))
-        parts: list[Origin] = ["part" for _ in range(1, own)]
-        random: list[Origin] = ["random" for _ in range(own, self.search.branches)]
-        policy: list[Origin] = [self.search.origin for _ in range(min(own, 1))]
-        origins = policy + parts + random
+        origins: list[Origin] = ["random"] * self.search.branches
+        for branch in range(len(policy_shares(self.search))):
+            origins[branch] = "part" if branch else self.search.origin
         if continues(self.search, request):
             origins[-1] = "continued"
         return origins
-
-    @property
-    def _changed(self) -> int:
-        """Number of branches that do not stay as they are sampled."""
-        if self.optimise is None and not self.gradient_steps:
-            return 0
-        whole = self.optimise is not None or self.search.redraws
-        return self.search.branches if whole else descended_count(self.search)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -219,18 +219,11 @@ def _repeat(here: PlanningState, count: int) -> PlanningState:
     return jax.tree.map(partial(jnp.repeat, repeats=count, axis=0), here)
 
 
-def roll_out(search: TreeConfig, tree: RootBatch) -> Float[Array, "B D A"]:
-    """All actions of all branches: after the first, those that are given, or what the policy does in what it meets."""
-    now = tree.now
-    actions = [search.space.project(tree.first, now)]
-    for step in range(1, search.depth):
-        now = state_after(search, tree.phi, now, actions[-1])
-        actions.append(search.space.project(wanted_action(search, tree, step, now), now))
-    return jnp.stack(actions, axis=1)
-
-
 def wanted_action(search: TreeConfig, tree: RootBatch, step: int, now: PlanningState) -> Float[Array, "B A"]:
-    """Action number `step` of each branch in the situation that it meets, before it is projected."""
+    """Action number `step` of each branch in the situation that it meets, before it is projected.
+
+    After the first, one that is given, or what the policy does.
+    """
     if not step:
         return tree.first
     wanted = tree.later[:, step - 1]
