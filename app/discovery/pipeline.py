@@ -144,9 +144,11 @@ def judge(study: Study, subject: Subject, stages: "Stages", about: Theta | None 
     with stages.stage("screening of every cause"):
         screening = screen(predictor, trials, about)
         trials = trials.with_ends(screening.ends)
-        limits = (*limits, *model_limits(trials, screening.data))
     with stages.stage("decision"):
         decision = decide(predictor, trials, screening, stages.said)
+        # A liquid's numerics are so near to what they usually are that a strong effect makes the nominal model useless.
+        works = decision.accepted if trials.kind.is_smooth else None
+        limits = (*limits, *model_limits(trials, screening.data if works is None else works.remainder))
     return Judged(
         predictor=predictor, trials=trials, about=about, screening=screening, decision=decision, limits=limits
     )

@@ -19,7 +19,8 @@ class ParameterSpec:
     vanishes. `scale` says in which coordinate steps are even: "log" for positive quantities known to a factor.
     `about` is one sentence for people. `typical` is a value as it is met where the effect is present; what only says
     where or how an effect acts has none. `scaling`: see `real`. `null_prior`: discovery's, as the simulation is not the
-    world even if no effect is missing in it; None: that of its family. `rod_null_prior`: the same for ropes as rods.
+    world even if no effect is missing in it; None: that of its family. `rod_null_prior`, `liquid_null_prior`: the same
+    for ropes as rods, and for a liquid without pieces.
     """
 
     name: str
@@ -33,6 +34,7 @@ class ParameterSpec:
     scaling: tuple[int, int] = (0, 0)
     null_prior: NullPrior | None = None
     rod_null_prior: NullPrior | None = None
+    liquid_null_prior: NullPrior | None = None
 
     def __post_init__(self) -> None:
         if not self.low <= self.nominal <= self.high:

@@ -53,12 +53,14 @@ class PourCase:
     hidden: tuple[Chosen, ...] = ()
     plan: PushDesign = field(default_factory=lambda: pour_design(8, 3))
     noise_m: float = USUAL_NOISE_M
+    drops: int = DROPS
+    """Those of water; the cell's has three times as many."""
 
     @property
     def task(self) -> Task:
         """The task, its world with fewer drops."""
         task = load(self.of)
-        body = _coarse(task)
+        body = _coarse(task, self.drops)
         problems: PouringProblems | SoupProblems
         match body, task.problems:
             case Liquid(), PouringProblems() as known:
@@ -110,11 +112,11 @@ def view_of_pour(
     return ProjectionView(time_s=look.stamp_s, points=points)
 
 
-def _coarse(task: Task) -> Liquid | Soup:
-    """The task's liquid of fewer drops; a soup's are of the volume of its grains."""
+def _coarse(task: Task, count: int) -> Liquid | Soup:
+    """The task's liquid of `count` drops; a soup's are of the volume of its grains."""
     match task.stage.body:
         case Liquid() as water:
-            return replace(water, drops=DROPS)
+            return replace(water, drops=count)
         case Soup() as soup:
             drops = round(soup.liquid.drops * (_ALONG / soup.along) ** 3)
             pieces = tuple(replace(kind, along=_ALONG) for kind in soup.pieces)

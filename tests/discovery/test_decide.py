@@ -100,6 +100,55 @@ def test_a_single_cause_stands_where_two_are_not_borne_out(monkeypatch: pytest.M
     assert selected.held == gains[selected.accepted.causes]
 
 
+@pytest.mark.parametrize("task", ["pour_water", "pour_soup"])
+@pytest.mark.parametrize(
+    ("surplus", "gain", "stands"),
+    [(30.0, 0.5, True), (30.0, -0.5, True), (5.0, 0.5, False), (30.0, -1.5, False), (5.0, 1.5, True)],
+)
+def test_the_evidence_of_a_liquid_is_enough_where_left_out_episodes_do_not_contradict_it(
+    monkeypatch: pytest.MonkeyPatch, task: str, surplus: float, gain: float, stands: bool
+) -> None:
+    subject = subject_of(load(task))
+    known = subject.catalogue()
+    found, _ = with_cause(1.0)
+    finding = found.weighing.findings[0]._replace(log_bayes=60.0)
+    suspect = CandidateCause(cause="fill_level", columns=(1,), steps=(found.steps[1],), finding=finding)
+    one = exact_model(subject, known, ("fill_level",), {"fill_level": 0.1})
+    one = replace(one, log_evidence=found.weighing.log_evidence + surplus)
+    monkeypatch.setattr(decide, "refit_cause", lambda *_, **_more: one)
+    monkeypatch.setattr(decide, "_add_causes", lambda *_: one)
+    monkeypatch.setattr(decide, "held_out_gain", lambda *_: HeldOutGain(gain=gain, error=1.0))
+    predictor, trials = Predictor(subject, known), Mock(spec=SimulationBatch)
+    selected = decide.decide(predictor, trials, replace(found, suspects=(suspect,)), lambda _: None)
+    assert (selected.accepted is one) == (stands if task == "pour_water" else gain > 1)
+
+
+@pytest.mark.parametrize(("task", "first"), [("pour_water", "finger_friction"), ("pour_soup", "fill_level")])
+def test_strong_causes_of_a_liquid_are_weighed_by_their_refits(task: str, first: str) -> None:
+    subject = subject_of(load(task))
+    known = subject.catalogue()
+    found, _ = with_cause(1.0)
+    linear = {"fill_level": 32.0, "finger_friction": 19.0}
+    suspects = [
+        CandidateCause(
+            cause=name,
+            columns=(1,),
+            steps=(found.steps[1],),
+            finding=found.weighing.findings[0]._replace(log_bayes=value),
+        )
+        for name, value in linear.items()
+    ]
+    nothing = found.weighing.log_evidence
+    refits = {"fill_level": 25.0, "finger_friction": 40.0}
+    models = [
+        replace(exact_model(subject, known, (name,), {}), log_evidence=nothing + value)
+        for name, value in refits.items()
+    ]
+    screened = replace(found, suspects=tuple(suspects))
+    probabilities, _ = decide.probabilities_of(screened, models, subject.kind)
+    assert max(probabilities, key=lambda cause: probabilities[cause]) == first
+
+
 @pytest.mark.parametrize(("further", "held"), [("table_tilt", False), ("actuator_lag", True)])
 def test_only_an_error_of_cameras_or_arm_is_compared_without_the_others(further: str, held: bool) -> None:
     subject = subject_of(load("rope_push"))

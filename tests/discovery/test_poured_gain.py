@@ -1,10 +1,14 @@
 """The gain on episodes that were left out, of liquids: what is fitted to the others, and what is not measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.core.types import Points
+from app.discovery.inference.mixed_effects import fit_mixed_effects
 from app.discovery.inference.screen import Screening, screening_about
+from app.discovery.inference.weighing import Prior
 from app.discovery.residuals.poured_contents import CONTENTS
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.rows import Block, Residuals
@@ -45,12 +49,30 @@ def screened(outflow: float, pours: int = POURS) -> Screening:
 
 @pytest.mark.parametrize("outflow", [0.4, 0.9])
 def test_what_flows_out_is_fitted_to_the_other_episodes(outflow: float) -> None:
-    model = exact_model(SUBJECT, KNOWN, ("liquid_viscosity",), {"outflow": outflow})
-    folds = folds_of(PREDICTOR, screened(outflow), model)
+    folds = folds_of(PREDICTOR, screened(outflow), None)
     assert folds.nominal[ODD][OUTFLOW] == pytest.approx(0.2, abs=0.02)
+    assert folds.extended is folds.nominal
+
+
+def test_what_flows_out_with_a_cause_is_not_what_made_up_for_it_without() -> None:
+    without = screened(0.9)
+    alone = exact_model(SUBJECT, KNOWN, ("liquid_viscosity",), {"outflow": 0.9})
+    slopes, about = without.data.J, 0.9 - 0.3
+    J = np.concatenate([np.zeros((*slopes.shape[:2], alone.own)), slopes], axis=2)
+    data = replace(without.data, r=-about * slopes[:, :, 0], J=J)
+    prior = Prior(mean=np.zeros(alone.own + 1), variance=np.ones(alone.own + 1), nuisance=(alone.own,))
+    model = replace(
+        alone,
+        steps=(*alone.steps, *without.steps),
+        data=data,
+        prior=prior,
+        fit=fit_mixed_effects(data, prior.variance),
+    )
+    folds = folds_of(PREDICTOR, without, model)
     assert set(folds.extended) == set(folds.nominal)
-    for number, theta in folds.extended.items():
-        assert theta[OUTFLOW] == folds.nominal[number][OUTFLOW]
+    assert folds.nominal[ODD][OUTFLOW] == pytest.approx(0.2, abs=0.02)
+    for theta in folds.extended.values():
+        assert theta[OUTFLOW] == pytest.approx(0.3, abs=0.02)
 
 
 def predict_as(monkeypatch: pytest.MonkeyPatch, clouds: list[Points]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.discovery.dataset.model_under_test import catalogue
+from app.discovery.dataset.object_kinds import ROPE
 from app.discovery.dataset.study import Study
 from app.discovery.inference.decide import NAMED, probabilities_of
 from app.discovery.inference.held_out import held_out_gain
@@ -72,13 +73,13 @@ def test_its_size_is_found_within_half_of_it(name: str) -> None:
 
 
 def test_where_nothing_was_hidden_nothing_is_named() -> None:
-    probabilities, _ = probabilities_of(screened("none"), [])
+    probabilities, _ = probabilities_of(screened("none"), [], ROPE)
     assert max(probabilities.values()) < NAMED
 
 
 @pytest.mark.parametrize("name", FOUND)
 def test_what_was_hidden_is_named_before_any_refit(name: str) -> None:
-    probabilities, _ = probabilities_of(screened(name), [])
+    probabilities, _ = probabilities_of(screened(name), [], ROPE)
     assert probabilities[name] > NAMED
 
 

@@ -16,7 +16,7 @@ _MM = 1e3
 
 
 def model_limits(trials: SimulationBatch, data: Residuals) -> Iterator[Limit]:
-    """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
+    """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted model."""
     simulated = np.any(data.known[:, trials.after_rows], axis=1)
     empty = trials.is_empty
     count, asked = int(simulated.sum()), int((~empty).sum())

@@ -251,7 +251,10 @@ def catalogue(
     # What is compiled can only be finer, wider or earlier.
     numerics = [_numeric(name, each.about) for name, each in NUMERICS.items()]
     if kind.is_poured:
-        numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in POUR_NUMERICS.items()]
+        numerics = [
+            replace(_numeric(name, each.about, each.low, each.null_prior), liquid_null_prior=each.liquid_null_prior)
+            for name, each in POUR_NUMERICS.items()
+        ]
     if rods is not None:
         numerics = [_numeric(name, each.about, each.low, each.null_prior) for name, each in rods.unknowns]
     for spec in numerics:

@@ -4,7 +4,8 @@ A cause is accepted where it makes the data enough more likely, and where episod
 predicted better. Evidence is of two kinds. That of the screening weighs all causes with the same simulations, and so
 fairly, but as if what they do were linear. That of a refit knows what they really do; but pushes are chaotic, so that
 simulated anew under a model that is hardly another one they are 20 to 60 nats more or less likely, and the best of
-several rounds finds some of them where nothing is. Either counts as far as development recordings showed it to.
+several rounds finds some of them where nothing is. Either counts as far as development recordings showed it to. A
+liquid is not chaotic: there the evidence of a refit is worth that of the screening.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Catalogue, Theta
+from app.discovery.dataset.object_kinds import ObjectTraits
 from app.discovery.inference.calibration import calibration
 from app.discovery.inference.held_out import (
     HeldOutGain,
@@ -44,6 +46,8 @@ _ODDS = 0.09
 about a few of them alone does not make these more probable."""
 _DOUBT = 0.1
 """Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
+_PLAIN = 10.0
+"""Evidence of a liquid's cause [nats] that need not make left-out episodes likelier; at most 1 of nothing."""
 _SHARES = 1.0, 0.4
 """Shares of the screening's estimate at which refits start: strong effects are often overestimated there."""
 NAMED = 0.8
@@ -96,13 +100,14 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
     measured = calibration().probabilities(screening) if catalogue.rods else None
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
     # A refit of pieces, simulated from several beginnings, or of a liquid takes as long as a quarter of the screening.
-    first = measured or (probabilities_of(screening, ()) if not catalogue.kind.has_length else None)
+    kind = catalogue.kind
+    first = measured or (probabilities_of(screening, (), kind) if not kind.has_length else None)
     strong = _strong_errors(catalogue, screening) if catalogue.rods else frozenset[str]()
     for suspect in shortlist(screening) if first is None else _probable(screening, first[0], strong):
         said(f"refitting {suspect.cause}")
         probable = first is None or first[0][suspect.cause] > _WORTH or suspect.cause in strong
         singles.append(refit_cause(predictor, trials, screening, suspect, thorough=probable))
-    probabilities, nothing = measured or probabilities_of(screening, singles)
+    probabilities, nothing = measured or probabilities_of(screening, singles, kind)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     if singles[0].causes[0] in strong:
@@ -125,19 +130,26 @@ def decide(predictor: Predictor, trials: SimulationBatch, screening: Screening, 
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
         linear = held_out_gain_of_linear(screening, suspect, rivals_of(catalogue, screening, suspect))
         held = earned_by_either(held, linear, best.log_evidence - screening.weighing.log_evidence)
+    surplus = best.log_evidence - screening.weighing.log_evidence if kind.is_smooth else 0.0
     return ModelSelection(
         singles=tuple(singles),
         probabilities=probabilities,
         nothing=nothing,
-        accepted=best if held is not None and _is_accepted(catalogue, best, held) else None,
+        accepted=best if held is not None and _is_accepted(catalogue, best, held, surplus) else None,
         held=held,
         unknown=unknown,
     )
 
 
-def _is_accepted(catalogue: Catalogue, model: RefinedModel, held: HeldOutGain) -> bool:
-    """True if left-out episodes bear a model out, and if all of its causes are of some size."""
-    return (is_earned(held) and is_sized(catalogue, model)) if catalogue.rods else held.gain > held.error
+def _is_accepted(catalogue: Catalogue, model: RefinedModel, held: HeldOutGain, surplus: float = 0.0) -> bool:
+    """True if left-out episodes bear a model out, and if all of its causes are of some size.
+
+    A liquid's cause is told from nothing also by how far numerics would have to be from where they usually are, which
+    makes left-out episodes no likelier: a `surplus` of evidence [nats] is enough if these do not contradict.
+    """
+    if catalogue.rods:
+        return is_earned(held) and is_sized(catalogue, model)
+    return held.gain > held.error or (surplus > _PLAIN and held.gain > -held.error)
 
 
 def rivals_of(catalogue: Catalogue, screening: Screening, suspect: CandidateCause) -> list[int]:
@@ -273,11 +285,14 @@ def shortlist(screening: Screening) -> list[CandidateCause]:
     return close[: _SHORTLIST + _ASKED] or list(suspects[:1])
 
 
-def probabilities_of(screening: Screening, singles: Sequence[RefinedModel]) -> tuple[Mapping[str, float], float]:
+def probabilities_of(
+    screening: Screening, singles: Sequence[RefinedModel], kind: ObjectTraits
+) -> tuple[Mapping[str, float], float]:
     """Probabilities of each cause, and of none; of those not refitted by the screening's evidence alone."""
     linear = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
     refitted = {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
-    return _normalize({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
+    weight = _smooth_weight if kind.is_smooth else _weight
+    return _normalize({cause: weight(value, refitted.get(cause)) for cause, value in linear.items()})
 
 
 def likeliest_cause(linear: Mapping[str, float]) -> str | None:
@@ -291,6 +306,12 @@ def _weight(linear: float, refitted: float | None) -> float:
     """Tempered log Bayes factor of a cause against nothing missing."""
     weight = min(linear, _LINEAR) / TEMPERATURE
     return weight if refitted is None else max(weight, (refitted - CHANCE) / _ROUGH)
+
+
+def _smooth_weight(linear: float, refitted: float | None) -> float:
+    """The same where a simulation changes by little with its model: strong effects count by their refits."""
+    weight = min(linear, _LINEAR)
+    return (weight if refitted is None else max(weight, refitted)) / TEMPERATURE
 
 
 def _normalize(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:

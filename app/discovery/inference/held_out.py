@@ -94,11 +94,11 @@ def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Co
 
 
 def left_out_thetas(model: RefinedModel) -> dict[int, Float64[np.ndarray, " P"]]:
-    """The own columns' values, in steps from the model's theta and as far as trusted, when an episode is left out."""
+    """All columns' values when an episode is left out, in steps from the model's theta; own ones as far as trusted."""
     found = dict[int, Float64[np.ndarray, " P"]]()
     for episode in np.unique(model.data.episode):
         fit = fit_mixed_effects(
             model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,)
         )
-        found[int(episode)] = model.trust * fit.theta[: model.own]
+        found[int(episode)] = np.concatenate([model.trust * fit.theta[: model.own], fit.theta[model.own :]])
     return found

@@ -52,6 +52,11 @@ class RefinedModel:
     trust: float = 1.0
 
     @property
+    def remainder(self) -> Residuals:
+        """The data with what is left by the fit, of all columns, as residuals."""
+        return replace(self.data, r=self.data.r - self.data.J @ self.fit.theta)
+
+    @property
     def covariance(self) -> Float64[np.ndarray, "Q Q"]:
         """Covariance of the own columns, in their steps."""
         return posterior(self.fit, self.prior, self.temperature)[: self.own, : self.own]

@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.dataset.model_under_test import Family
-from app.discovery.dataset.object_kinds import ROPE, ObjectTraits
+from app.discovery.dataset.object_kinds import LIQUID, ROPE, ObjectTraits
 from app.discovery.inference.mixed_effects import Covariances, MixedEffectsFit, QuadraticForms, fit_mixed_effects
 from app.discovery.residuals.rows import Residuals
 from app.sim.parameter import NullPrior, ParameterSpec
 
 NULL_PRIOR_SD: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
 """Standard deviation, in steps, of what effects seem to have where nothing is wrong, and where their parameters say
-nothing else (`ParameterSpec.null_prior`, `rod_null_prior`).
+nothing else (`ParameterSpec.null_prior`, `rod_null_prior`, `liquid_null_prior`).
 
 Those of material points were learnt by expectation and maximisation, from 62 recordings of 32 pushes: 39 of our own
 engine in other numerics and 23 of MuJoCo's world, which count as much; what was hidden in some of them was left out.
@@ -67,6 +67,8 @@ class Prior:
 
 def null_prior(family: Family, spec: ParameterSpec, *, rods: bool = False, kind: ObjectTraits = ROPE) -> NullPrior:
     """Null prior of the apparent size of a cause of this family in one of its parameters, in steps."""
+    if kind == LIQUID and spec.liquid_null_prior is not None:
+        return spec.liquid_null_prior
     if family == "physics" and kind.physics_null_sd is not None:
         return 0.0, kind.physics_null_sd
     if rods and spec.rod_null_prior is not None:

@@ -38,10 +38,9 @@ _POUR_REPLICAS = 3
 """The same of pours, which depend on little of where particles begin."""
 STARTS = 4
 """Beginnings of each push of an ensemble: as it was seen, and as the cameras may have missed it."""
-_ERRING, _ROD_ERRING = 0.3, 0.15
-"""Error of the simulator in each push, as a share of a step of every effect that changes the simulation. With it the
-fits of material points to 20 recordings in which nothing was hidden scatter 1.5 times as much as they say; without it,
-3.5 times. For rods it is the value that makes 49 such recordings most likely."""
+_ROD_ERRING = 0.15
+"""Error of the simulator of rods in each push, as a share of a step of every effect that changes the simulation: the
+value that makes 49 recordings without an effect most likely. Of material points see `ObjectTraits.errs_by`."""
 
 
 @final
@@ -144,7 +143,7 @@ def residuals(
     else:
         clouds = assemble_contents(trials, trials.bowls, base, runs[0][1], apart, disturbed)
     direct = direct_rows(predictor, trials, about, changes)
-    spread = np.concatenate([clouds.spread, clouds.J * _erring(catalogue, steps)], axis=2)
+    spread = np.concatenate([clouds.spread, clouds.J * erring(catalogue, steps)], axis=2)
     still = np.zeros((*direct.r.shape, spread.shape[2]))
     return Residuals(
         r=np.concatenate([clouds.r, direct.r], axis=1),
@@ -156,7 +155,7 @@ def residuals(
     )
 
 
-def _erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, " P"]:
+def erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, " P"]:
     """The share of each step by which the simulator errs in a push; less of each where several ways are asked about.
 
     Of ropes that is what physics do. What a paddle does to pieces it errs about as well: one that is 4 mm higher leaves
@@ -167,7 +166,7 @@ def _erring(catalogue: Catalogue, steps: Sequence[Step]) -> Float64[np.ndarray, 
     asked = Counter((step.cause, step.column) for step in steps)
     ways = np.array([asked[step.cause, step.column] for step in steps], np.float64)
     simulated = np.array([step.cause not in outside for step in steps], np.float64)
-    return (_ROD_ERRING if catalogue.rods else _ERRING) * simulated / np.sqrt(ways)
+    return (_ROD_ERRING if catalogue.rods else catalogue.kind.errs_by) * simulated / np.sqrt(ways)
 
 
 def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:

@@ -54,7 +54,7 @@ class Gained(NamedTuple):
 
 
 class Folds(NamedTuple):
-    """Nominal and extended models for each episode, fitted to the others. Both have the same numerics of a liquid."""
+    """Nominal and extended models for each episode, fitted to the others, numerics of a liquid included."""
 
     nominal: Mapping[int, Theta]
     extended: Mapping[int, Theta]
@@ -112,11 +112,13 @@ def folds_of(predictor: Predictor, screening: Screening, model: RefinedModel | N
         nominal[number] = theta
     if model is None:
         return Folds(nominal, nominal)
-    extended = {number: theta_of(catalogue, model, shares) for number, shares in left_out_thetas(model).items()}
-    numerics = [step.column for step in screening.steps if step.cause in POUR_NUMERICS]
-    for number, theta in extended.items():
-        extended[number] = theta.copy()
-        extended[number][numerics] = nominal[number][numerics]
+    extended = dict[int, Theta]()
+    for number, shares in left_out_thetas(model).items():
+        theta = theta_of(catalogue, model, shares[: model.own])
+        for step, share in zip(model.steps[model.own :], shares[model.own :], strict=True):
+            if step.cause in POUR_NUMERICS:  # What they were without the cause made up for it.
+                theta = apply_step(catalogue, theta, step, float(share))
+        extended[number] = theta
     return Folds(nominal, extended)
 
 

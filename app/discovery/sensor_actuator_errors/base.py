@@ -98,6 +98,7 @@ def one(
     *,
     least: float = 0.0,
     null_prior: NullPrior | None = None,
+    liquid_null_prior: NullPrior | None = None,
 ) -> tuple[ParameterSpec, ...]:
     """A single parameter whose null is 0."""
     return (
@@ -111,5 +112,6 @@ def one(
             scale="linear",
             about=about,
             null_prior=null_prior,
+            liquid_null_prior=liquid_null_prior,
         ),
     )

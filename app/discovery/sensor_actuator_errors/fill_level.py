@@ -23,6 +23,7 @@ EFFECT = Apparatus(
         "Liquid beyond what was said, as a share of that.",
         least=-0.3,
         null_prior=(0.0, 0.3),
+        liquid_null_prior=(0.04, 0.14),
     ),
     more=_more,
 )

@@ -31,6 +31,7 @@ EFFECT = Effect(
             scaling=(0, -1),
             scale="linear",
             about="Traction with which a tool holds matter that leaves it.",
+            liquid_null_prior=(0.05, 0.29),
         ),
     ),
     adhesion=sticky_traction,

@@ -106,6 +106,7 @@ def linear(
     scaling: tuple[int, int] = (0, 0),
     rod_null_prior: NullPrior | None = None,
     null_prior: NullPrior | None = None,
+    liquid_null_prior: NullPrior | None = None,
 ) -> ParameterSpec:
     """A parameter that vanishes at 0, on a linear scale; `ends` are its lowest, typical and highest value."""
     low, typical, high = ends
@@ -121,6 +122,7 @@ def linear(
         about=about,
         null_prior=null_prior,
         rod_null_prior=rod_null_prior,
+        liquid_null_prior=liquid_null_prior,
     )
 
 

@@ -41,6 +41,7 @@ EFFECT = Effect(
             about="Coulomb friction coefficient between the object and the finger.",
             null_prior=(0.0, 0.2),
             rod_null_prior=(0.195, 0.26),
+            liquid_null_prior=(-0.41, 0.35),
         ),
     ),
     tool_friction=scaled_friction,

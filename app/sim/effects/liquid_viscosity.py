@@ -20,6 +20,14 @@ def thickened_viscosity(viscosity: float, grain: ParticleContext, phi: Any, at: 
 
 EFFECT = Effect(
     objects=LIQUIDS,
-    parameters=(linear("liquid_viscosity", "Pa s", (0.0, 2.0, 10.0), "Viscosity of the liquid beyond that of water."),),
+    parameters=(
+        linear(
+            "liquid_viscosity",
+            "Pa s",
+            (0.0, 2.0, 10.0),
+            "Viscosity of the liquid beyond that of water.",
+            liquid_null_prior=(0.2, 0.16),
+        ),
+    ),
     viscosity=thickened_viscosity,
 )

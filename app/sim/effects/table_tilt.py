@@ -35,6 +35,7 @@ EFFECT = Effect(
             scale="linear",
             about="Tilt of the table about x: positive raises its +y side.",
             rod_null_prior=(0.0, 0.06),
+            liquid_null_prior=(0.0, 0.27),
         ),
         ParameterSpec(
             name="tilt_y",
@@ -46,6 +47,7 @@ EFFECT = Effect(
             scale="linear",
             about="Tilt of the table about y: positive lowers its +x side.",
             rod_null_prior=(0.0, 0.06),
+            liquid_null_prior=(0.0, 0.27),
         ),
     ),
     node_velocity=tilted_velocity,

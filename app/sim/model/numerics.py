@@ -48,10 +48,14 @@ NUMERICS: Mapping[str, SceneNumerics] = {
 @final
 @dataclass(frozen=True, kw_only=True)
 class PourUnknown:
-    """A number of pours that no recording says. `step`: a share, see `about`; `low` and `null_prior`: in steps."""
+    """A number of pours that no recording says. `step`: a share, see `about`; `low` and null priors: in steps.
+
+    `null_prior` is that of a liquid with pieces, `liquid_null_prior` that of one without.
+    """
 
     about: str
     step: float
+    liquid_null_prior: NullPrior
     low: float = -2.0
     null_prior: NullPrior = (0.0, 1.0)
 
@@ -134,20 +138,28 @@ ROD_NUMERICS: Mapping[str, RodUnknown] = {
 Steps are what ropes of MuJoCo's chain, of drawn sizes, differ by in fits of the rod to them (docs/discovery-model.md).
 """
 POUR_NUMERICS: Mapping[str, PourUnknown] = {
-    "outflow": PourUnknown(about="Share of the way to a model of which a fifth more flows out.", step=0.2),
+    "outflow": PourUnknown(
+        about="Share of the way to a model of which a fifth more flows out.",
+        step=0.2,
+        liquid_null_prior=(-0.26, 0.25),
+    ),
     "lip_height": PourUnknown(
-        about="Share of the way to a bowl whose lip keeps a twentieth of the liquid back.", step=0.05
+        about="Share of the way to a bowl whose lip keeps a twentieth of the liquid back.",
+        step=0.05,
+        liquid_null_prior=(-0.7, 0.36),
     ),
     "spilt": PourUnknown(
         about="Share of the way to pours of which a tenth of what arrives has fallen beside the other bowl.",
         step=0.1,
         low=0.0,
         null_prior=(0.4, 0.3),
+        liquid_null_prior=(0.52, 0.31),
     ),
 }
 """Errors of a liquid's cells and contacts, which are as thick as what flows over a lip, and what nobody sees.
 
 They are fitted with every cause to what was poured, so that a model that pours too much or too early is not taken for a
-thicker liquid, and drops that are lost not for less of it: in two episodes of a world's pours 1 and 3 % were.
+thicker liquid, and drops that are lost not for less of it: in two episodes of a world's pours 1 and 3 % were. Priors of
+a liquid without pieces are learnt (docs/decisions/0041-what-a-liquid-seems-to-be.md).
 """
 ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS) | frozenset(POUR_NUMERICS)
